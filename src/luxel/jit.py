@@ -1,0 +1,233 @@
+"""The only Numba policy: how kernels are compiled, cached and run on threads. Nothing else imports Numba (a lint rule keeps it so).
+
+Kernels are compiled lazily, release the GIL, divide like NumPy (no exceptions inside) and never use fast-math: the same bits on every
+machine matter more than the last percent. They are cached on disk for the user, keyed by Numba's version and by the text of the kernel's
+own file and of every luxel file it imports, so an edit anywhere below a kernel compiles it anew.
+
+Threads are Python threads that call the same kernel on one work queue (`run`, `take`), not Numba's parallel loops. Why: see
+docs/decisions/0002-threads.md.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import os
+import re
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numba
+import numpy as np
+from numba.core import event
+from numba.core import types as _types
+from numba.extending import intrinsic as _intrinsic
+
+from luxel.errors import InputError
+
+_IMPORT = re.compile(r"^\s*(?:from\s+(luxel[\w.]*)\s+import\s+([\w, ]+)|import\s+(luxel[\w.]*))", re.MULTILINE)
+
+
+@lru_cache(maxsize=None)
+def _source(module: str) -> Path | None:
+    try:
+        spec = importlib.util.find_spec(module)
+    except (ModuleNotFoundError, ValueError):  # ValueError: __main__
+        return None
+    return Path(spec.origin) if spec and spec.origin else None
+
+
+@lru_cache(maxsize=None)
+def _imports(module: str) -> tuple[str, ...]:
+    path = _source(module)
+    if path is None:
+        return ()
+    found = set()
+    for origin, names, plain in _IMPORT.findall(path.read_text(encoding="utf-8")):
+        found.add(plain or origin)
+        found |= {f"{origin}.{name.strip().split(' as ')[0]}" for name in names.split(",") if name.strip()}
+    return tuple(sorted(name for name in found if _source(name)))
+
+
+@lru_cache(maxsize=None)
+def _digest(module: str) -> str:
+    """Hash of the text of `module` and of all luxel modules that it imports, directly or not."""
+    seen: set[str] = set()
+    todo = [module]
+    while todo:
+        name = todo.pop()
+        if name not in seen and name.startswith("luxel."):
+            seen.add(name)
+            todo += _imports(name)
+    digest = hashlib.sha256()
+    for name in sorted(seen):
+        path = _source(name)
+        if path is not None and path.exists():
+            digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+@lru_cache(maxsize=None)
+def cache_folder() -> str:
+    """Where compiled kernels are kept: NUMBA_CACHE_DIR, else XDG_CACHE_HOME/luxel or ~/.cache/luxel; "" if none can be written."""
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    root = Path(chosen) if chosen else Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "luxel"
+    folder = root / f"numba-{numba.__version__}"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe = folder / f".probe-{os.getpid()}-{threading.get_ident()}"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        print(f"luxel: compiled kernels cannot be kept in {folder} ({error}); every start compiles anew", file=sys.stderr)  # noqa: T201
+        return ""
+    return str(folder)
+
+
+def _compiled(function: Callable[..., Any], **options: Any) -> Any:
+    if numba.config.DISABLE_JIT:
+        return function
+    folder = cache_folder()
+    before = numba.config.CACHE_DIR
+    if folder:  # the locator reads the setting when the function is decorated: put it back for everybody else's kernels
+        numba.config.CACHE_DIR = str(Path(folder) / _digest(function.__module__))
+    try:
+        return numba.njit(cache=bool(folder), nogil=True, error_model="numpy", **options)(function)
+    finally:
+        numba.config.CACHE_DIR = before
+
+
+def device(function: Callable[..., Any]) -> Any:
+    """A scalar function called by kernels, on the CPU and (compiled anew) on the GPU."""
+    return _compiled(function)
+
+
+def inlined(function: Callable[..., Any]) -> Any:
+    """A device function that is pasted into its callers: for loops that the compiler must see whole to vectorise."""
+    return _compiled(function, forceinline=True)
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """A function over arrays, run by one thread."""
+    return _compiled(function)
+
+
+def parallel_kernel(function: Callable[..., Any]) -> Any:
+    """A kernel for `run`: its first argument is the queue from which it takes the numbers of its items.
+
+    @parallel_kernel
+    def double(queue, values):
+        i = take(queue)
+        while i < len(values):
+            values[i] *= 2
+            i = take(queue)
+    """
+    return _compiled(function)
+
+
+if numba.config.DISABLE_JIT:
+    _lock = threading.Lock()
+
+    def take(queue: Any) -> int:
+        """The next number of the queue, from 0; each is given once."""
+        with _lock:
+            queue[0] += 1
+            return int(queue[0]) - 1
+
+else:
+
+    @_intrinsic
+    def _fetch_add(typingctx: Any, queue: Any) -> Any:
+        def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            array = context.make_array(signature.args[0])(context, builder, arguments[0])
+            one = context.get_constant(_types.int64, 1)
+            return builder.atomic_rmw("add", array.data, one, "monotonic")
+
+        return _types.int64(queue), codegen
+
+    @numba.njit(inline="always")
+    def take(queue: Any) -> int:
+        """The next number of the queue, from 0; each is given once."""
+        return _fetch_add(queue)
+
+
+_pool: tuple[int, ThreadPoolExecutor] | None = None
+_pool_lock = threading.Lock()
+
+
+def _workers() -> ThreadPoolExecutor:
+    global _pool
+    with _pool_lock:
+        if _pool is None or _pool[0] != os.getpid():  # threads do not survive a fork: the child makes its own
+            _pool = os.getpid(), ThreadPoolExecutor(max(1, (os.cpu_count() or 1) - 1), thread_name_prefix="luxel")
+        return _pool[1]
+
+
+def _after_fork() -> None:
+    global _pool, _pool_lock
+    _pool, _pool_lock = None, threading.Lock()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_after_fork)
+
+
+def available_threads() -> int:
+    """Cores this process may use: LUXEL_THREADS, else its CPU affinity."""
+    wanted = os.environ.get("LUXEL_THREADS")
+    if wanted:
+        return checked_threads(wanted)
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def checked_threads(threads: object) -> int:
+    """`threads` as a number >= 1; None means `available_threads()`."""
+    if threads is None:
+        return available_threads()
+    try:
+        number = int(threads)  # type: ignore[call-overload]
+    except (TypeError, ValueError):
+        number = 0
+    if number < 1:
+        raise InputError(f"threads: expected a whole number of at least 1, got {threads!r}")
+    return number
+
+
+def run(kernel: Callable[..., Any], threads: int, *arguments: Any) -> None:
+    """Call a `parallel_kernel` from `threads` threads at once (this one included) on one queue, and wait for all of them."""
+    queue = np.zeros(1, np.int64)
+    if threads <= 1:
+        kernel(queue, *arguments)
+        return
+    pool = _workers()
+    helpers = [pool.submit(kernel, queue, *arguments) for _ in range(threads - 1)]
+    try:
+        kernel(queue, *arguments)
+    finally:
+        for helper in helpers:
+            if not helper.cancel():  # one that has not started has nothing left to do
+                helper.result()
+
+
+class _Listener(event.Listener):
+    def __init__(self, told: Callable[[str], None]) -> None:
+        self.told = told
+
+    def on_start(self, event: Any) -> None:
+        self.told(event.data["dispatcher"].py_func.__name__)
+
+    def on_end(self, event: Any) -> None:
+        pass
+
+
+@contextmanager
+def on_compile(told: Callable[[str], None]) -> Iterator[None]:
+    """While in the block, `told` is called with a kernel's name when its compilation starts (not when it is loaded from the cache)."""
+    with event.install_listener("numba:compile", _Listener(told)):
+        yield

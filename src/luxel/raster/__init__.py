@@ -1,0 +1,1 @@
+"""The one rasteriser: project, bin, cover, shade, resolve."""
