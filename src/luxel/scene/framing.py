@@ -142,7 +142,9 @@ def _points(scene: Scene, axes: Array) -> Iterator[Array]:
         offset = instance.world_from_mesh[:3, 3] @ axes
         for start in range(0, len(mesh.positions), _CHUNK):
             points = mesh.positions[start : start + _CHUNK] @ linear + offset
-            yield points[np.isfinite(points).all(1)]
+            if not np.isfinite(points.sum()):
+                points = points[np.isfinite(points).all(1)]
+            yield points
 
 
 def _swept(scene: Scene, axes: Array, middle: Array, bins: int = 256, around: int = 48) -> list[Array]:

@@ -1,0 +1,1 @@
+"""Filters of pictures, and how far two pictures are apart."""
