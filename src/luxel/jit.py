@@ -25,11 +25,17 @@ from typing import Any
 
 import numba
 import numpy as np
+from llvmlite import ir
+from numba import types
 from numba.core import event
-from numba.core import types as _types
-from numba.extending import intrinsic as _intrinsic
+from numba.extending import intrinsic
 
 from luxel.errors import InputError
+
+__all__ = [
+    "DISABLED", "array_data", "available_threads", "cache_folder", "checked_threads", "device", "inlined", "intrinsic", "ir", "kernel",
+    "on_compile", "parallel_kernel", "run", "take", "types",
+]  # fmt: skip
 
 _IMPORT = re.compile(r"^\s*(?:from\s+(luxel[\w.]*)\s+import\s+([\w, ]+)|import\s+(luxel[\w.]*))", re.MULTILINE)
 
@@ -109,7 +115,11 @@ def device(function: Callable[..., Any]) -> Any:
 
 
 def inlined(function: Callable[..., Any]) -> Any:
-    """A device function that is pasted into its callers: for loops that the compiler must see whole to vectorise."""
+    """A device function pasted into its callers, for code that the compiler must see whole to vectorise.
+
+    Give it scalars where speed matters: handing an array to a function counts a reference up and down atomically, some 10 ns an array, even
+    when the function is inlined. Hot loops index flat arrays in place and make no views.
+    """
     return _compiled(function, forceinline=True)
 
 
@@ -131,7 +141,16 @@ def parallel_kernel(function: Callable[..., Any]) -> Any:
     return _compiled(function)
 
 
-if numba.config.DISABLE_JIT:
+DISABLED = bool(numba.config.DISABLE_JIT)
+"""NUMBA_DISABLE_JIT is set: kernels run as plain Python, for debuggers and coverage."""
+
+
+def array_data(context: Any, builder: Any, signature: Any, arguments: Any, which: int) -> Any:
+    """In an intrinsic's code generator: pointer to the first element of the array that is argument `which`."""
+    return context.make_array(signature.args[which])(context, builder, arguments[which]).data
+
+
+if DISABLED:
     _lock = threading.Lock()
 
     def take(queue: Any) -> int:
@@ -140,21 +159,46 @@ if numba.config.DISABLE_JIT:
             queue[0] += 1
             return int(queue[0]) - 1
 
+    def float_bits(value: Any) -> Any:
+        """The bits of a float32 as int32."""
+        return np.float32(value).view(np.int32)
+
+    def bits_float(bits: Any) -> Any:
+        """The float32 that has these bits, given as int32."""
+        return np.int32(bits).view(np.float32)
+
 else:
 
-    @_intrinsic
+    @intrinsic
     def _fetch_add(typingctx: Any, queue: Any) -> Any:
         def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            array = context.make_array(signature.args[0])(context, builder, arguments[0])
-            one = context.get_constant(_types.int64, 1)
-            return builder.atomic_rmw("add", array.data, one, "monotonic")
+            one = context.get_constant(types.int64, 1)
+            return builder.atomic_rmw("add", array_data(context, builder, signature, arguments, 0), one, "monotonic")
 
-        return _types.int64(queue), codegen
+        return types.int64(queue), codegen
 
     @numba.njit(inline="always")
     def take(queue: Any) -> int:
         """The next number of the queue, from 0; each is given once."""
         return _fetch_add(queue)
+
+    @intrinsic
+    def float_bits(typingctx: Any, value: Any) -> Any:
+        """The bits of a float32 as int32."""
+
+        def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            return builder.bitcast(arguments[0], context.get_value_type(types.int32))
+
+        return types.int32(types.float32), codegen
+
+    @intrinsic
+    def bits_float(typingctx: Any, bits: Any) -> Any:
+        """The float32 that has these bits, given as int32."""
+
+        def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            return builder.bitcast(arguments[0], context.get_value_type(types.float32))
+
+        return types.float32(types.int32), codegen
 
 
 _pool: tuple[int, ThreadPoolExecutor] | None = None

@@ -1,0 +1,121 @@
+"""The two innermost loops of `cover`, eight pixels at a time, written in LLVM's vector instructions.
+
+The compiler's own vectoriser does not take these loops (spans are short, their ends vary), and they are where rasterising spends its time.
+LLVM lowers eight lanes to whatever the machine has; every lane does the plain float32 operations of `draw_pixel` below, which is also
+what runs where Numba is switched off, so the bits are the same everywhere.
+
+Both write whole groups of eight, unchanged where a lane is not drawn: the arrays need `LANES` spare elements at their end.
+"""
+
+from __future__ import annotations
+
+from luxel import jit
+
+LANES = 8
+
+
+def draw_pixel(depth, ids, i, d, low, high, t):
+    """Depth `d`, clamped to low .. high, and id `t` replace what is at `i` if nearer."""
+    d = d if d > low else low
+    d = d if d < high else high
+    if d > depth[i]:
+        depth[i] = d
+        ids[i] = t
+
+
+if jit.DISABLED:
+    import numpy as np
+
+    def draw_span(depth, ids, first, count, x, z, slope, low, high, t):
+        """Draw `count` pixels from element `first` on; pixel k has depth z + slope * (x + k)."""
+        for k in range(count):
+            draw_pixel(depth, ids, first + k, z + slope * (x + np.float32(k)), low, high, t)
+
+    def draw_inside(depth, ids, first, count, e0, e1, e2, a0, a1, a2, x, z, slope, low, high, t):
+        """Draw those of `count` <= 8 pixels from `first` on where all three e + a * k are >= 0."""
+        for k in range(count):
+            if ((e0 + a0 * k) | (e1 + a1 * k) | (e2 + a2 * k)) >= 0:
+                draw_pixel(depth, ids, first + k, z + slope * (x + np.float32(k)), low, high, t)
+
+else:
+    from luxel.jit import array_data, intrinsic, ir, types
+
+    _F, _I, _B, _L = ir.FloatType(), ir.IntType(32), ir.IntType(1), ir.IntType(64)
+    _VF, _VI = ir.VectorType(_F, LANES), ir.VectorType(_I, LANES)
+    _IOTA_I = ir.Constant(_VI, list(range(LANES)))
+    _IOTA_F = ir.Constant(_VF, [float(k) for k in range(LANES)])
+
+    def _splat(builder, value, vector):
+        one = builder.insert_element(ir.Constant(vector, ir.Undefined), value, ir.Constant(_I, 0))
+        return builder.shuffle_vector(one, ir.Constant(vector, ir.Undefined), ir.Constant(ir.VectorType(_I, LANES), [0] * LANES))
+
+    def _blend(builder, depth, ids, mask, x, z, slope, low, high, t):
+        """Eight lanes of `draw_pixel` at the pointers `depth` and `ids`, where `mask`."""
+        xs = builder.fadd(_splat(builder, x, _VF), _IOTA_F)
+        d = builder.fadd(_splat(builder, z, _VF), builder.fmul(_splat(builder, slope, _VF), xs))
+        low, high = _splat(builder, low, _VF), _splat(builder, high, _VF)
+        d = builder.select(builder.fcmp_ordered(">", d, low), d, low)
+        d = builder.select(builder.fcmp_ordered("<", d, high), d, high)
+        depth = builder.bitcast(depth, _VF.as_pointer())
+        ids = builder.bitcast(ids, _VI.as_pointer())
+        old_depth, old_ids = builder.load(depth), builder.load(ids)
+        old_depth.align = old_ids.align = 4
+        mask = builder.and_(mask, builder.fcmp_ordered(">", d, old_depth))
+        builder.store(builder.select(mask, d, old_depth), depth, align=4)
+        builder.store(builder.select(mask, _splat(builder, t, _VI), old_ids), ids, align=4)
+
+    @intrinsic
+    def draw_span(typingctx, depth, ids, first, count, x, z, slope, low, high, t):
+        """Draw `count` pixels from element `first` on; pixel k has depth z + slope * (x + k)."""
+
+        def codegen(context, builder, signature, arguments):
+            _, _, first, count, x, z, slope, low, high, t = arguments
+            depth = array_data(context, builder, signature, arguments, 0)
+            ids = array_data(context, builder, signature, arguments, 1)
+            entry = builder.block
+            loop, done = builder.append_basic_block("span"), builder.append_basic_block("span_done")
+            builder.branch(loop)
+            builder.position_at_end(loop)
+            k = builder.phi(_L)
+            k.add_incoming(ir.Constant(_L, 0), entry)
+            left = builder.trunc(builder.sub(count, k), _I)
+            mask = builder.icmp_signed("<", _IOTA_I, _splat(builder, left, _VI))
+            i = builder.add(first, k)
+            _blend(builder, builder.gep(depth, [i]), builder.gep(ids, [i]), mask,
+                   builder.fadd(x, builder.sitofp(k, _F)), z, slope, low, high, t)  # fmt: skip
+            next_k = builder.add(k, ir.Constant(_L, LANES))
+            k.add_incoming(next_k, builder.block)
+            builder.cbranch(builder.icmp_signed("<", next_k, count), loop, done)
+            builder.position_at_end(done)
+            return context.get_dummy_value()
+
+        f = types.float32
+        return types.none(depth, ids, types.int64, types.int64, f, f, f, f, f, types.int32), codegen
+
+    @intrinsic
+    def draw_inside(typingctx, depth, ids, first, count, e0, e1, e2, a0, a1, a2, x, z, slope, low, high, t):
+        """Draw those of `count` <= 8 pixels from `first` on where all three e + a * k are >= 0.
+
+        |e| may be any size: beyond 2^30 it cannot change sign within eight pixels, as |a| < 2^26.
+        """
+
+        def codegen(context, builder, signature, arguments):
+            _, _, first, count, *edges, x, z, slope, low, high, t = arguments
+            most, least = ir.Constant(_L, 1 << 30), ir.Constant(_L, -(1 << 30))
+            inside = None
+            for e, a in zip(edges[:3], edges[3:], strict=True):
+                e = builder.select(builder.icmp_signed("<", e, most), e, most)
+                e = builder.select(builder.icmp_signed(">", e, least), e, least)
+                e = _splat(builder, builder.trunc(e, _I), _VI)
+                e = builder.add(e, builder.mul(_splat(builder, builder.trunc(a, _I), _VI), _IOTA_I))
+                inside = e if inside is None else builder.or_(inside, e)
+            mask = builder.icmp_signed(">=", inside, ir.Constant(_VI, [0] * LANES))
+            count = _splat(builder, builder.trunc(count, _I), _VI)
+            mask = builder.and_(mask, builder.icmp_signed("<", _IOTA_I, count))
+            depth = builder.gep(array_data(context, builder, signature, arguments, 0), [first])
+            ids = builder.gep(array_data(context, builder, signature, arguments, 1), [first])
+            _blend(builder, depth, ids, mask, x, z, slope, low, high, t)
+            return context.get_dummy_value()
+
+        f, i = types.float32, types.int64
+        return types.none(depth, ids, i, i, i, i, i, i, i, i, f, f, f, f, f, types.int32), codegen

@@ -1,0 +1,154 @@
+"""Project: world positions to fixed-point screen positions and reversed depth.
+
+A projected vertex is 16 bytes, so that one cache line gives a whole one: x, y (int32, 8 fraction bits, pixels from the window's top left
+corner), depth and weight (float32, kept in the same (n, 4) int32 array through a view). Depth is z / w of `Camera.clip_from_world`: 1 at
+the near plane, falling to 0; weight is 1 / w (1 for orthographic cameras), what attributes are divided by to be perspective-correct.
+
+Arithmetic is float64 without contraction, so that the bits are the same on every machine; the matrix is applied to the float32 positions
+with no rounding between, which keeps scenes far from the origin steady.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from luxel import jit
+from luxel.arrays import Array
+from luxel.raster.constants import (
+    GUARD_HIGH,
+    GUARD_LOW,
+    OUT_BOTTOM,
+    OUT_FAR,
+    OUT_LEFT,
+    OUT_NAN,
+    OUT_NEAR,
+    OUT_RIGHT,
+    OUT_TOP,
+    UNSAFE,
+)
+
+_CHUNK = 16384
+_BLOCK = 256
+
+
+class Window(NamedTuple):
+    """The part of a picture that is drawn: x, y, width, height in pixels of the picture, whose size is full_width x full_height."""
+
+    x: int
+    y: int
+    width: int
+    height: int
+    full_width: int
+    full_height: int
+
+
+class View(NamedTuple):
+    """What project needs of a camera: clip_from_world (4, 4) float64, and the depth of the far plane (0: none, or orthographic)."""
+
+    clip_from_world: Array
+    least_depth: float
+
+
+@jit.device
+def out_code(x, y, z, w, least_depth):
+    """Bits of the planes of the view that the clip-space point is outside of."""
+    code = 0
+    if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z) and math.isfinite(w)):
+        return OUT_NAN
+    if z > w:
+        code |= OUT_NEAR
+    if z < least_depth * w:
+        code |= OUT_FAR
+    if x < -w:
+        code |= OUT_LEFT
+    if x > w:
+        code |= OUT_RIGHT
+    if y > w:
+        code |= OUT_TOP
+    if y < -w:
+        code |= OUT_BOTTOM
+    return code
+
+
+@jit.device
+def to_fixed(ndc, offset, size, origin):
+    """Normalised device coordinate (as -1..1 over `size` pixels) to fixed point, rounded to nearest, from pixel `origin`; float64."""
+    return math.floor((ndc * 0.5 + offset) * size * 256.0 + 0.5) - origin * 256.0
+
+
+@jit.parallel_kernel
+def _project(queue, positions, m, least_depth, window, screen, screen_f, unsafe):
+    n = len(positions)
+    wx, wy = np.float64(window[0]) * 256.0, np.float64(window[1]) * 256.0
+    half_w, half_h = np.float64(window[4]) * 128.0, np.float64(window[5]) * 128.0
+    m00, m01, m02, m03 = m[0, 0], m[0, 1], m[0, 2], m[0, 3]
+    m10, m11, m12, m13 = m[1, 0], m[1, 1], m[1, 2], m[1, 3]
+    m20, m21, m22, m23 = m[2, 0], m[2, 1], m[2, 2], m[2, 3]
+    m30, m31, m32, m33 = m[3, 0], m[3, 1], m[3, 2], m[3, 3]
+    # Blocks of planar arrays and one short loop a step, so that the arithmetic runs in vector registers: five times as fast.
+    px, py, pz = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
+    fx, fy, fd, fw = np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK)
+    wrong = np.empty(_BLOCK, np.int64)
+    chunk = jit.take(queue)
+    while chunk * _CHUNK < n:
+        bad = 0
+        for start in range(chunk * _CHUNK, min(n, (chunk + 1) * _CHUNK), _BLOCK):
+            count = min(_BLOCK, n - start)
+            for i in range(count):
+                px[i], py[i], pz[i] = positions[start + i, 0], positions[start + i, 1], positions[start + i, 2]
+            for i in range(count):
+                x, y, z = np.float64(px[i]), np.float64(py[i]), np.float64(pz[i])
+                w = m30 * x + m31 * y + m32 * z + m33
+                iw = 1.0 / w
+                fx[i] = np.floor((m00 * x + m01 * y + m02 * z + m03) * iw * half_w + half_w + 0.5) - wx
+                fy[i] = np.floor(half_h - (m10 * x + m11 * y + m12 * z + m13) * iw * half_h + 0.5) - wy
+                fd[i] = (m20 * x + m21 * y + m22 * z + m23) * iw
+                fw[i] = iw
+            any_wrong = 0
+            for i in range(count):  # every comparison is false for a NaN, which therefore is wrong
+                flag = 0 if fw[i] > 0.0 else 1
+                flag |= 0 if fd[i] <= 1.0 else 1
+                flag |= 0 if fd[i] >= least_depth else 1
+                flag |= 0 if fx[i] >= GUARD_LOW else 1
+                flag |= 0 if fx[i] <= GUARD_HIGH else 1
+                flag |= 0 if fy[i] >= GUARD_LOW else 1
+                flag |= 0 if fy[i] <= GUARD_HIGH else 1
+                wrong[i] = flag
+                any_wrong |= flag
+            if any_wrong:
+                for i in range(count):
+                    if wrong[i]:
+                        bad += 1
+                        x, y, z = np.float64(px[i]), np.float64(py[i]), np.float64(pz[i])
+                        cx, cy = m00 * x + m01 * y + m02 * z + m03, m10 * x + m11 * y + m12 * z + m13
+                        cz, cw = m20 * x + m21 * y + m22 * z + m23, m30 * x + m31 * y + m32 * z + m33
+                        fx[i] = UNSAFE
+                        fy[i] = out_code(cx, cy, cz, cw, least_depth)
+                        fd[i] = fw[i] = 0.0
+            for i in range(count):
+                screen[start + i, 0] = np.int32(fx[i])
+                screen[start + i, 1] = np.int32(fy[i])
+                screen_f[start + i, 2] = np.float32(fd[i])
+                screen_f[start + i, 3] = np.float32(fw[i])
+        unsafe[chunk] = bad
+        chunk = jit.take(queue)
+
+
+def project(positions: Array, view: View, window: Window, threads: int, screen: Array | None = None) -> tuple[Array, int]:
+    """Project (n, 3) float32 positions; returns (screen (n, 4) int32, how many vertices are unsafe and need clipping).
+
+    `screen`, if given and large enough, is reused.
+    """
+    n = len(positions)
+    if screen is None or len(screen) < n:
+        screen = np.empty((n, 4), np.int32)
+    screen = screen[:n]
+    unsafe = np.zeros(n // _CHUNK + 1, np.int64)
+    jit.run(
+        _project, min(threads, len(unsafe)), positions, view.clip_from_world, view.least_depth,
+        np.array(window, np.int64), screen, screen.view(np.float32), unsafe,
+    )  # fmt: skip
+    return screen, int(unsafe.sum())
