@@ -27,13 +27,13 @@ import numba
 import numpy as np
 from llvmlite import ir
 from numba import types
-from numba.core import event
+from numba.core import cgutils, event
 from numba.extending import intrinsic
 
 from luxel.errors import InputError
 
 __all__ = [
-    "DISABLED", "array_data", "available_threads", "cache_folder", "checked_threads", "device", "inlined", "intrinsic", "ir", "kernel",
+    "DISABLED", "array_data", "available_threads", "cache_folder", "cgutils", "checked_threads", "device", "inlined", "intrinsic", "ir", "kernel",
     "on_compile", "parallel_kernel", "run", "take", "types",
 ]  # fmt: skip
 

@@ -20,10 +20,16 @@ from luxel import jit
 from luxel.arrays import Array
 from luxel.raster.bin import Bins, Clipped, area2
 from luxel.raster.constants import NOTHING
-from luxel.raster.lanes import LANES, draw_inside, draw_span
+from luxel.raster.lanes import LANES, draw_inside, draw_span, prefetch
 
-NARROW = LANES - 1
-"""Pixels; triangles no wider test the edge functions of a whole row at once."""
+NARROW = 32
+"""Pixels; triangles no wider test the edge functions at every pixel of their box, which costs less than finding the span."""
+
+MAX_STEP = 1 << 22
+"""Fixed point; the largest |a| of which `draw_inside` is exact."""
+
+AHEAD = 6
+"""Triangles; so far ahead are vertices asked for, twice as far their indices: large meshes do not fit in the core's cache."""
 
 
 @jit.inlined
@@ -64,6 +70,13 @@ def _cover(queue, first_tile, last_tile, across, tile, width, height, start, bin
             wide, high = min(tile, width - px), min(tile, height - py)
             for q in range(begin, end):
                 t = bin_ids[q]
+                if q + 2 * AHEAD < end and bin_ids[q + 2 * AHEAD] < m:
+                    prefetch(triangles, np.int64(bin_ids[q + 2 * AHEAD]) * 3)
+                    ahead = bin_ids[q + AHEAD]
+                    if ahead < m:
+                        prefetch(screen, np.int64(triangles[ahead, 0]) * 4)
+                        prefetch(screen, np.int64(triangles[ahead, 1]) * 4)
+                        prefetch(screen, np.int64(triangles[ahead, 2]) * 4)
                 if t < m:
                     a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
                     x0, y0, z0 = np.int64(screen[a, 0]), np.int64(screen[a, 1]), screen_f[a, 2]
@@ -89,7 +102,7 @@ def _cover(queue, first_tile, last_tile, across, tile, width, height, start, bin
                 c2 = a2 * (ox - x0) + b2 * (oy - y0) + edge_bias(a2, b2)
                 min_x, max_x = min(x0, min(x1, x2)) - ox, max(x0, max(x1, x2)) - ox
                 min_y, max_y = min(y0, min(y1, y2)) - oy, max(y0, max(y1, y2)) - oy
-                narrow = max_x - min_x <= NARROW << 8
+                narrow = max_x - min_x <= NARROW << 8 and max_y - min_y <= MAX_STEP
                 if not narrow:
                     # For a = 0 the row is all in or all out: a huge factor sends the right end beyond either side of the tile.
                     f0 = -1.0 / np.float64(a0) if a0 != 0 else 1e12

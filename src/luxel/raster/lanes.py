@@ -9,6 +9,8 @@ Both write whole groups of eight, unchanged where a lane is not drawn: the array
 
 from __future__ import annotations
 
+from contextlib import contextmanager
+
 from luxel import jit
 
 LANES = 8
@@ -32,13 +34,16 @@ if jit.DISABLED:
             draw_pixel(depth, ids, first + k, z + slope * (x + np.float32(k)), low, high, t)
 
     def draw_inside(depth, ids, first, count, e0, e1, e2, a0, a1, a2, x, z, slope, low, high, t):
-        """Draw those of `count` <= 8 pixels from `first` on where all three e + a * k are >= 0."""
+        """Draw those of `count` <= 64 pixels from `first` on where all three e + a * k are >= 0."""
         for k in range(count):
             if ((e0 + a0 * k) | (e1 + a1 * k) | (e2 + a2 * k)) >= 0:
                 draw_pixel(depth, ids, first + k, z + slope * (x + np.float32(k)), low, high, t)
 
+    def prefetch(array, i):
+        """Nothing to do."""
+
 else:
-    from luxel.jit import array_data, intrinsic, ir, types
+    from luxel.jit import array_data, cgutils, intrinsic, ir, types
 
     _F, _I, _B, _L = ir.FloatType(), ir.IntType(32), ir.IntType(1), ir.IntType(64)
     _VF, _VI = ir.VectorType(_F, LANES), ir.VectorType(_I, LANES)
@@ -64,6 +69,27 @@ else:
         builder.store(builder.select(mask, d, old_depth), depth, align=4)
         builder.store(builder.select(mask, _splat(builder, t, _VI), old_ids), ids, align=4)
 
+    @contextmanager
+    def _groups(builder, count, starts=(), steps=()):
+        """Loop over groups of lanes, at least once: gives the first pixel k of the group, the mask of lanes below `count`, and the vectors
+        that are `starts` in the first group and grow by `steps` from each to the next."""
+        entry, loop = builder.block, builder.append_basic_block("group")
+        done = builder.append_basic_block("groups_done")
+        builder.branch(loop)
+        builder.position_at_end(loop)
+        k, values = builder.phi(_L), [builder.phi(_VI) for _ in starts]
+        k.add_incoming(ir.Constant(_L, 0), entry)
+        for value, start in zip(values, starts, strict=True):
+            value.add_incoming(start, entry)
+        mask = builder.icmp_signed("<", _IOTA_I, _splat(builder, builder.trunc(builder.sub(count, k), _I), _VI))
+        yield k, mask, values
+        for value, step in zip(values, steps, strict=True):
+            value.add_incoming(builder.add(value, step), builder.block)
+        following = builder.add(k, ir.Constant(_L, LANES))
+        k.add_incoming(following, builder.block)
+        builder.cbranch(builder.icmp_signed("<", following, count), loop, done)
+        builder.position_at_end(done)
+
     @intrinsic
     def draw_span(typingctx, depth, ids, first, count, x, z, slope, low, high, t):
         """Draw `count` pixels from element `first` on; pixel k has depth z + slope * (x + k)."""
@@ -72,21 +98,10 @@ else:
             _, _, first, count, x, z, slope, low, high, t = arguments
             depth = array_data(context, builder, signature, arguments, 0)
             ids = array_data(context, builder, signature, arguments, 1)
-            entry = builder.block
-            loop, done = builder.append_basic_block("span"), builder.append_basic_block("span_done")
-            builder.branch(loop)
-            builder.position_at_end(loop)
-            k = builder.phi(_L)
-            k.add_incoming(ir.Constant(_L, 0), entry)
-            left = builder.trunc(builder.sub(count, k), _I)
-            mask = builder.icmp_signed("<", _IOTA_I, _splat(builder, left, _VI))
-            i = builder.add(first, k)
-            _blend(builder, builder.gep(depth, [i]), builder.gep(ids, [i]), mask,
-                   builder.fadd(x, builder.sitofp(k, _F)), z, slope, low, high, t)  # fmt: skip
-            next_k = builder.add(k, ir.Constant(_L, LANES))
-            k.add_incoming(next_k, builder.block)
-            builder.cbranch(builder.icmp_signed("<", next_k, count), loop, done)
-            builder.position_at_end(done)
+            with _groups(builder, count) as (k, mask, _):
+                i = builder.add(first, k)
+                _blend(builder, builder.gep(depth, [i]), builder.gep(ids, [i]), mask,
+                       builder.fadd(x, builder.sitofp(k, _F)), z, slope, low, high, t)  # fmt: skip
             return context.get_dummy_value()
 
         f = types.float32
@@ -94,28 +109,43 @@ else:
 
     @intrinsic
     def draw_inside(typingctx, depth, ids, first, count, e0, e1, e2, a0, a1, a2, x, z, slope, low, high, t):
-        """Draw those of `count` <= 8 pixels from `first` on where all three e + a * k are >= 0.
+        """Draw those of `count` <= 64 pixels from `first` on where all three e + a * k are >= 0.
 
-        |e| may be any size: beyond 2^30 it cannot change sign within eight pixels, as |a| < 2^26.
+        |e| may be any size: beyond 2^29 it cannot change sign within the row, as |a| must be at most 2^22.
         """
 
         def codegen(context, builder, signature, arguments):
             _, _, first, count, *edges, x, z, slope, low, high, t = arguments
-            most, least = ir.Constant(_L, 1 << 30), ir.Constant(_L, -(1 << 30))
-            inside = None
+            depth = array_data(context, builder, signature, arguments, 0)
+            ids = array_data(context, builder, signature, arguments, 1)
+            most, least = ir.Constant(_L, 1 << 29), ir.Constant(_L, -(1 << 29))
+            starts, steps = [], []
             for e, a in zip(edges[:3], edges[3:], strict=True):
                 e = builder.select(builder.icmp_signed("<", e, most), e, most)
                 e = builder.select(builder.icmp_signed(">", e, least), e, least)
-                e = _splat(builder, builder.trunc(e, _I), _VI)
-                e = builder.add(e, builder.mul(_splat(builder, builder.trunc(a, _I), _VI), _IOTA_I))
-                inside = e if inside is None else builder.or_(inside, e)
-            mask = builder.icmp_signed(">=", inside, ir.Constant(_VI, [0] * LANES))
-            count = _splat(builder, builder.trunc(count, _I), _VI)
-            mask = builder.and_(mask, builder.icmp_signed("<", _IOTA_I, count))
-            depth = builder.gep(array_data(context, builder, signature, arguments, 0), [first])
-            ids = builder.gep(array_data(context, builder, signature, arguments, 1), [first])
-            _blend(builder, depth, ids, mask, x, z, slope, low, high, t)
+                a = _splat(builder, builder.trunc(a, _I), _VI)
+                starts.append(builder.add(_splat(builder, builder.trunc(e, _I), _VI), builder.mul(a, _IOTA_I)))
+                steps.append(builder.shl(a, ir.Constant(_VI, [3] * LANES)))
+            with _groups(builder, count, starts, steps) as (k, mask, (e0, e1, e2)):
+                inside = builder.icmp_signed(">=", builder.or_(builder.or_(e0, e1), e2), ir.Constant(_VI, [0] * LANES))
+                i = builder.add(first, k)
+                _blend(builder, builder.gep(depth, [i]), builder.gep(ids, [i]), builder.and_(mask, inside),
+                       builder.fadd(x, builder.sitofp(k, _F)), z, slope, low, high, t)  # fmt: skip
             return context.get_dummy_value()
 
         f, i = types.float32, types.int64
         return types.none(depth, ids, i, i, i, i, i, i, i, i, f, f, f, f, f, types.int32), codegen
+
+    @intrinsic
+    def prefetch(typingctx, array, i):
+        """Ask for the cache line of element `i` of `array`, seen as flat, ahead of its use."""
+
+        def codegen(context, builder, signature, arguments):
+            pointer = builder.gep(array_data(context, builder, signature, arguments, 0), [arguments[1]])
+            pointer = builder.bitcast(pointer, ir.IntType(8).as_pointer())
+            function_type = ir.FunctionType(ir.VoidType(), [ir.IntType(8).as_pointer(), _I, _I, _I])
+            function = cgutils.get_or_insert_function(builder.module, function_type, "llvm.prefetch.p0")
+            builder.call(function, [pointer, ir.Constant(_I, 0), ir.Constant(_I, 3), ir.Constant(_I, 1)])
+            return context.get_dummy_value()
+
+        return types.none(array, types.int64), codegen
