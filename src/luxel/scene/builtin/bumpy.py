@@ -30,6 +30,7 @@ def bumpy_sphere(n: int = 160) -> Mesh:
     polar = np.linspace(0, np.pi, n + 1)[:, None]
     azimuth = np.linspace(0, 2 * np.pi, 2 * n + 1)[None, :]
     st, ct, sp, cp = np.sin(polar), np.cos(polar), np.sin(azimuth), np.cos(azimuth)
+    sp[:, -1], cp[:, -1], st[-1] = sp[:, 0], cp[:, 0], 0.0  # the seam and the pole close to the bit
     radius = 1 + 0.1 * np.sin(9 * polar) * np.sin(9 * azimuth)
     shape = (*radius.shape, 3)
     outward = np.stack(np.broadcast_arrays(st * cp, ct, st * sp), -1)
@@ -37,7 +38,7 @@ def bumpy_sphere(n: int = 160) -> Mesh:
     east = np.stack(np.broadcast_arrays(-sp, 0.0, cp), -1)
     by_polar = 0.9 * np.cos(9 * polar) * np.sin(9 * azimuth)
     ratio = np.full_like(st, 9.0)  # sin(9 theta) / sin(theta), and its limit at the poles
-    np.divide(np.sin(9 * polar), st, out=ratio, where=st > 1e-9)
+    np.divide(np.sin(9 * polar), st, out=ratio, where=st > 0)
     by_azimuth = 0.9 * ratio * np.cos(9 * azimuth)
     normals = normalized(radius[..., None] * outward - by_polar[..., None] * south - by_azimuth[..., None] * east)
 

@@ -93,11 +93,11 @@ def _downward(x: tuple[float, ...], z: tuple[float, ...], name: str) -> Mesh:
 
 
 def _block(base: object, height: float, name: str) -> Mesh:
-    """Top and four sides over a base of (x, z) corners, which run clockwise seen from above."""
+    """Top and four sides over a base of (x, z) corners, counter-clockwise seen from above."""
     p: Array = np.asarray(base, np.float64)
 
     def at(i: int, y: float) -> tuple[float, float, float]:
         return float(p[i % 4, 0]), y, float(p[i % 4, 1])
 
-    sides = [_rectangle([at(i, 0), at(i, height), at(i + 1, height), at(i + 1, 0)], "") for i in range(4)]
+    sides = [_rectangle([at(i, 0), at(i + 1, 0), at(i + 1, height), at(i, height)], "") for i in range(4)]
     return merged([_rectangle([at(i, height) for i in range(4)], ""), *sides], name)
