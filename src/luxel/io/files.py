@@ -1,0 +1,91 @@
+"""What every reader and writer shares: whole files in, whole files out, and luxel's own exceptions at the door."""
+
+from __future__ import annotations
+
+import os
+import stat
+import tempfile
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+
+from luxel.arrays import Array
+from luxel.errors import FileError, LuxelError, LuxelWarning
+
+
+@contextmanager
+def door(where: object) -> Iterator[None]:
+    """What goes wrong inside leaves as a FileError that names `where`; floating-point noise in a file's numbers is quiet."""
+    try:
+        with np.errstate(all="ignore"):
+            yield
+    except (FileError, ImportError, Warning):
+        raise
+    except LuxelError as error:
+        raise FileError(where, str(error)) from error
+    except OSError as error:
+        raise FileError(where, error.strerror or str(error) or type(error).__name__) from error
+    except RecursionError as error:
+        raise FileError(where, "nested too deeply") from error
+    except MemoryError as error:
+        raise FileError(where, "not enough memory for what it holds") from error
+    except Exception as error:
+        raise FileError(where, f"malformed ({type(error).__name__}: {error})") from error
+
+
+def tell(where: object, what: str) -> None:
+    """Warn that something in `where` was dropped, repaired or ignored."""
+    warnings.warn(f"{where}: {what}", LuxelWarning, stacklevel=3)
+
+
+def read_bytes(path: Path, where: object | None = None) -> Array:
+    """The whole file as uint8, writable, in one array.
+
+    Raises:
+        FileError: It is missing, unreadable or not a plain file.
+    """
+    where = path.name if where is None else where
+    try:
+        mode = path.stat().st_mode
+        if not stat.S_ISREG(mode):
+            raise FileError(where, f"{path} is {'a folder' if stat.S_ISDIR(mode) else 'not a plain file'}")
+        return np.fromfile(path, np.uint8)
+    except (OSError, ValueError) as error:  # ValueError: a null byte in the name
+        raise FileError(where, f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from error
+
+
+@contextmanager
+def atomic_write(path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
+    """A binary file that takes `path`'s place only when the block ends well; otherwise `path` stays as it was.
+
+    Raises:
+        FileError: The folder is missing or cannot be written, or the disk is full.
+    """
+    path = Path(path)
+    temporary: str | None = None
+    try:
+        handle, temporary = tempfile.mkstemp(prefix=f".{path.name[:100]}.", suffix=".part", dir=path.parent)
+        with os.fdopen(handle, "wb") as file:
+            yield file
+        os.chmod(temporary, _mode(path))
+        os.replace(temporary, path)
+        temporary = None
+    except OSError as error:
+        raise FileError(path, f"cannot write: {error.strerror or error}") from error
+    finally:
+        if temporary is not None:
+            with suppress(OSError):
+                os.unlink(temporary)
+
+
+def _mode(path: Path) -> int:
+    """The mode of the file that is replaced, or that of any new file (mkstemp's own is private)."""
+    with suppress(OSError):
+        return stat.S_IMODE(path.stat().st_mode)
+    mask = os.umask(0)
+    os.umask(mask)
+    return 0o666 & ~mask
