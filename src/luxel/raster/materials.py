@@ -1,0 +1,145 @@
+"""Materials as tables that kernels read: one row a material, and the last row the default material (index -1)."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from luxel.arrays import Array
+from luxel.errors import InputError
+from luxel.scene.material import Material, TextureRef
+from luxel.scene.scene import Scene
+
+# Shading models: how `light` answers. Flat and Phong shading are Lambert where the material has no specular part.
+MODEL_UNLIT, MODEL_LAMBERT, MODEL_PHONG, MODEL_PBR = range(4)
+# Added to the model: which of the optional rows of a fragment hold something.
+EMISSIVE, OCCLUDED, LIGHTMAPPED = 4, 8, 16
+MODEL_MASK = 3
+
+# What a material needs of a fragment, and how it is drawn (`MaterialTable.flags`).
+NEEDS_NORMAL, NEEDS_FACE, NEEDS_VIEW, NEEDS_UV0, NEEDS_UV1, NEEDS_TANGENT, NEEDS_COLOR = (1 << i for i in range(7))
+ALPHA_MASK, ALPHA_BLEND, DOUBLE_SIDED, GOURAUD = (1 << i for i in range(7, 11))
+
+SLOTS = ("base_color", "metallic_roughness", "normal", "occlusion", "emissive", "lightmap")
+BASE_SLOT, ROUGHNESS_SLOT, NORMAL_SLOT, OCCLUSION_SLOT, EMISSIVE_SLOT, LIGHTMAP_SLOT = range(6)
+
+# Columns of `MaterialTable.floats`; six numbers of each texture's transform follow from TRANSFORMS on.
+RED, GREEN, BLUE, ALPHA, METAL, ROUGH, EMIT, SPECULAR, EXPONENT = 0, 1, 2, 3, 4, 5, 6, 9, 12
+NORMAL_SCALE, OCCLUSION_STRENGTH, LIGHTMAP_SCALE, CUTOFF, TRANSFORMS = 13, 14, 15, 16, 17
+FLOATS = TRANSFORMS + 6 * len(SLOTS)
+# Columns of `MaterialTable.ints`: the model, whether specular follows from metallic and roughness, each slot's texture and texcoord.
+CODE, DERIVED, TEXTURE, TEXCOORD = 0, 1, 2, 2 + len(SLOTS)
+INTS = TEXCOORD + len(SLOTS)
+
+SHADINGS = ("flat", "gouraud", "phong", "pbr", "unlit")
+_SPECULAR_DIELECTRIC = 0.04
+_LEAST_ROUGHNESS = 0.045
+
+
+class MaterialTable(NamedTuple):
+    """Materials and textures of a scene. Kernels take the whole tuple.
+
+    Attributes:
+        floats: (m + 1, FLOATS) float32.
+        ints: (m + 1, INTS) int32.
+        flags: (m + 1,) int32: NEEDS_*, ALPHA_*, DOUBLE_SIDED, GOURAUD.
+        features: () int64 as int: all flags of all materials that the scene's meshes use, or-ed.
+    """
+
+    floats: Array
+    ints: Array
+    flags: Array
+    features: int
+
+
+def pack_materials(scene: Scene, shading: str | None = None) -> MaterialTable:
+    """Make the table of a scene's materials.
+
+    Args:
+        scene: Its materials, textures and meshes are read.
+        shading: Model of all materials ("flat", "gouraud", "phong", "pbr", "unlit"); None takes each material's own, "phong" where it has none.
+
+    Raises:
+        InputError: No such shading.
+    """
+    if shading is not None and shading not in SHADINGS:
+        raise InputError(f"shading: expected one of {', '.join(SHADINGS)}; got {shading!r}")
+    materials = [*scene.materials, Material()]
+    colored = {mesh.material % len(materials) for mesh in scene.meshes if mesh.colors is not None}
+    floats = np.zeros((len(materials), FLOATS), np.float32)
+    ints = np.zeros((len(materials), INTS), np.int32)
+    flags = np.zeros(len(materials), np.int32)
+    for i, material in enumerate(materials):
+        model = shading or material.shading or "phong"
+        floats[i], ints[i], flags[i] = _pack(material, model, i in colored)
+    used = sorted({mesh.material % len(materials) for mesh in scene.meshes})
+    features = int(np.bitwise_or.reduce(flags[used])) if used else 0
+    return MaterialTable(floats, ints, flags, features)
+
+
+def _pack(material: Material, model: str, colored: bool) -> tuple[Array, Array, int]:
+    floats = np.zeros(FLOATS, np.float32)
+    floats[RED : ALPHA + 1] = material.base_color
+    floats[EMIT : EMIT + 3] = material.emissive
+    specular, exponent, roughness = _gloss(material)
+    floats[METAL], floats[ROUGH] = material.metallic, roughness
+    floats[SPECULAR : SPECULAR + 3], floats[EXPONENT] = specular, exponent
+    floats[NORMAL_SCALE : CUTOFF + 1] = (
+        material.normal_scale, material.occlusion_strength, material.lightmap_scale, material.alpha_cutoff,
+    )  # fmt: skip
+    ints = np.zeros(INTS, np.int32)
+    refs = [getattr(material, f"{slot}_texture") for slot in SLOTS]
+    for slot, ref in enumerate(refs):
+        ints[TEXTURE + slot] = -1 if ref is None else ref.texture
+        ints[TEXCOORD + slot] = 0 if ref is None else ref.texcoord
+        floats[TRANSFORMS + 6 * slot : TRANSFORMS + 6 * slot + 6] = _transform(ref or TextureRef(0))
+    ints[DERIVED] = material.specular is None
+    ints[CODE] = _code(material, model, floats)
+    return floats, ints, _flags(material, model, refs, int(ints[CODE]), colored)
+
+
+def _gloss(material: Material) -> tuple[Array, float, float]:
+    """Specular factor, exponent and roughness, what is missing made from what is there: exponent = 2 / roughness^4 - 2."""
+    roughness = max(material.roughness, _LEAST_ROUGHNESS)
+    if material.shininess is None:
+        exponent = 2 / roughness**4 - 2
+    else:
+        exponent = max(material.shininess, 0.0)
+        roughness = max((2 / (exponent + 2)) ** 0.25, _LEAST_ROUGHNESS)
+    if material.specular is not None:
+        return np.asarray(material.specular, np.float64), exponent, roughness
+    base = np.asarray(material.base_color[:3], np.float64)
+    return _SPECULAR_DIELECTRIC * (1 - material.metallic) + base * material.metallic, exponent, roughness
+
+
+def _transform(ref: TextureRef) -> tuple[float, ...]:
+    """a b c d e f of u' = a u + b v + c, v' = d u + e v + f: scaled, turned counter-clockwise in the picture, moved (KHR_texture_transform)."""
+    c, s = math.cos(ref.rotation), math.sin(ref.rotation)
+    return c * ref.scale[0], s * ref.scale[1], ref.offset[0], -s * ref.scale[0], c * ref.scale[1], ref.offset[1]
+
+
+def _code(material: Material, model: str, floats: Array) -> int:
+    if model == "unlit" or model == "gouraud":
+        return MODEL_UNLIT
+    dull = material.specular is not None and not any(material.specular)
+    code = MODEL_PBR if model == "pbr" else MODEL_LAMBERT if dull else MODEL_PHONG
+    code |= EMISSIVE if any(material.emissive) else 0
+    code |= OCCLUDED if material.occlusion_texture else 0
+    return code | (LIGHTMAPPED if material.lightmap_texture else 0)
+
+
+def _flags(material: Material, model: str, refs: list[TextureRef | None], code: int, colored: bool) -> int:
+    flags = {"OPAQUE": 0, "MASK": ALPHA_MASK, "BLEND": ALPHA_BLEND}[material.alpha_mode]
+    flags |= DOUBLE_SIDED if material.double_sided else 0
+    flags |= NEEDS_COLOR if colored else 0
+    flags |= GOURAUD if model == "gouraud" else 0
+    used = refs if code & MODEL_MASK else refs[:1]
+    for ref in used:
+        flags |= 0 if ref is None else NEEDS_UV1 if ref.texcoord else NEEDS_UV0
+    if code & MODEL_MASK:
+        flags |= NEEDS_FACE if model == "flat" else NEEDS_NORMAL
+        flags |= NEEDS_TANGENT if material.normal_texture and model != "flat" else 0
+        flags |= NEEDS_VIEW if code & MODEL_MASK != MODEL_LAMBERT else 0
+    return flags
