@@ -8,15 +8,16 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from luxel.errors import FileError, InputError
+from luxel.errors import FileError
 from luxel.io.files import atomic_write, door
 from luxel.scene.mesh import Mesh
 from luxel.scene.normals import CREASE_ANGLE, with_normals
 from luxel.scene.scene import Scene
 
-__all__ = ["atomic_write", "load"]
+__all__ = ["atomic_write", "load", "save"]
 
-_READERS = {"ply": "ply", "obj": "obj", "stl": "stl", "off": "off", "gltf": "gltf", "glb": "gltf"}
+_READERS = {"ply": "ply", "obj": "obj", "stl": "stl", "off": "off", "gltf": "gltf.read", "glb": "gltf.read"}
+_WRITERS = _READERS | {"obj": "obj_write", "gltf": "gltf.write", "glb": "gltf.write"}
 
 
 def load(source: object, *, crease_angle: float | None = None, normals: bool = True) -> Scene:
@@ -52,13 +53,35 @@ def load(source: object, *, crease_angle: float | None = None, normals: bool = T
     return scene
 
 
+def save(source: object, path: str | os.PathLike[str]) -> None:
+    """Write a scene, or anything that `load` takes, to a file by the extension of `path`.
+
+    glTF and GLB hold a whole scene. OBJ holds meshes in world space and Blinn-Phong materials; PLY, STL and OFF one mesh in world
+    space; what the format cannot hold is said by a LuxelWarning. The file appears whole, or not at all.
+
+    Raises:
+        FileError: The extension is not known, or the file cannot be written.
+        InputError: The scene is inconsistent.
+    """
+    path = Path(path)
+    write: Callable[[Scene, Path], None] = _module(_WRITERS, path).save
+    scene = load(source, normals=False)
+    scene.check()
+    with door(path, "cannot be written"):
+        write(scene, path)
+
+
 def _load_file(path: Path) -> tuple[Scene, float]:
-    extension = path.suffix[1:].lower()
-    if extension not in _READERS:
-        known = ", ".join(f".{name}" for name in _READERS)
-        raise FileError(path, f"expected a file with one of the extensions {known}, got {path.suffix or 'none'}")
-    reader: Callable[[Path], Scene] = import_module(f"luxel.io.{_READERS[extension]}").load
+    read: Callable[[Path], Scene] = _module(_READERS, path).load
     with door(path.name):
-        scene = reader(path)
+        scene = read(path)
         scene.check()
-    return scene, 0.0 if _READERS[extension] == "gltf" else CREASE_ANGLE
+    return scene, 0.0 if path.suffix.lower() in (".gltf", ".glb") else CREASE_ANGLE
+
+
+def _module(modules: dict[str, str], path: Path) -> Any:
+    name = modules.get(path.suffix[1:].lower())
+    if name is None:
+        known = ", ".join(f".{extension}" for extension in modules)
+        raise FileError(path, f"expected one of the extensions {known}, got {path.suffix or 'none'}")
+    return import_module(f"luxel.io.{name}")

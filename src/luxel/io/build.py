@@ -12,7 +12,9 @@ from luxel.scene.mesh import Mesh
 from luxel.scene.normals import vertex_normals
 
 
-def build_mesh(where: object, positions: Array, triangles: Array, *, material: int = -1, name: str = "", **attributes: Array | None) -> Mesh:
+def build_mesh(
+    where: object, positions: Array, triangles: Array, *, material: int = -1, name: str = "", **attributes: Array | None
+) -> Mesh:
     """A Mesh of `positions` (n, 3) and `triangles` (m, 3), of any numeric dtype, without what is unsound.
 
     Triangles with an index out of range, or with a vertex that is NaN or infinite (in float32), are dropped, such vertices too; the
@@ -24,7 +26,10 @@ def build_mesh(where: object, positions: Array, triangles: Array, *, material: i
     finite = _finite_rows(positions)
     if finite is not None:
         keep = finite[triangles].all(1)
-        tell(where, f"{np.count_nonzero(~finite)} vertices are not finite; {np.count_nonzero(~keep)} triangles that use them are dropped")
+        tell(
+            where,
+            f"{np.count_nonzero(~finite)} vertices are not finite; {np.count_nonzero(~keep)} triangles that use them are dropped",
+        )
         triangles = (np.cumsum(finite, dtype=np.int32) - 1).astype(np.int32)[triangles[keep]]
         positions = positions[finite]
         arrays = {key: value[finite] for key, value in arrays.items()}
@@ -38,6 +43,11 @@ def build_mesh(where: object, positions: Array, triangles: Array, *, material: i
     return Mesh(positions, triangles, material=material, name=name, **arrays)
 
 
+def turned(texcoords: Array) -> Array:
+    """Texture coordinates (n, 2) with v counted from the other end: PLY, OBJ, OFF from the bottom, glTF and luxel from the top."""
+    return np.stack([texcoords[:, 0], 1 - texcoords[:, 1]], 1)
+
+
 def _float32(value: Array) -> Array:
     """C-contiguous, aligned and writable float32, copied only if it was not."""
     return np.require(value, np.float32, ["C", "A", "W"])
@@ -46,8 +56,11 @@ def _float32(value: Array) -> Array:
 def _in_range(where: object, triangles: Array, n: int) -> Array:
     """(k, 3) int32: those of `triangles` whose vertices are in 0..n-1."""
     if len(triangles) and (int(triangles.min()) < 0 or int(triangles.max()) >= n):
-        good = ((triangles >= 0) & (triangles < n)).all(1)
-        tell(where, f"{np.count_nonzero(~good)} of {len(good)} triangles name a vertex outside 0..{n - 1} and are dropped")
+        good = np.asarray(((triangles >= 0) & (triangles < n)).all(1))
+        tell(
+            where,
+            f"{np.count_nonzero(~good)} of {len(good)} triangles name a vertex outside 0..{n - 1} and are dropped",
+        )
         triangles = triangles[good]
     return np.require(triangles, np.int32, ["C", "A", "W"])
 
@@ -57,7 +70,7 @@ def _finite_rows(value: Array) -> Array | None:
     chunk = 1 << 20
     if all(np.isfinite(value[start : start + chunk]).all() for start in range(0, len(value), chunk)):
         return None
-    return np.isfinite(value).all(1)
+    return np.asarray(np.isfinite(value).all(1))
 
 
 def _sound_normals(where: object, normals: Array, positions: Array, triangles: Array) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import stat
+import sys
 import tempfile
 import warnings
 from collections.abc import Iterator
@@ -18,7 +19,7 @@ from luxel.errors import FileError, LuxelError, LuxelWarning
 
 
 @contextmanager
-def door(where: object) -> Iterator[None]:
+def door(where: object, fault: str = "malformed") -> Iterator[None]:
     """What goes wrong inside leaves as a FileError that names `where`; floating-point noise in a file's numbers is quiet."""
     try:
         with np.errstate(all="ignore"):
@@ -34,12 +35,15 @@ def door(where: object) -> Iterator[None]:
     except MemoryError as error:
         raise FileError(where, "not enough memory for what it holds") from error
     except Exception as error:
-        raise FileError(where, f"malformed ({type(error).__name__}: {error})") from error
+        raise FileError(where, f"{fault} ({type(error).__name__}: {error})") from error
 
 
 def tell(where: object, what: str) -> None:
-    """Warn that something in `where` was dropped, repaired or ignored."""
-    warnings.warn(f"{where}: {what}", LuxelWarning, stacklevel=3)
+    """Warn that something in `where` was dropped, repaired or ignored; points at the caller outside of luxel."""
+    level, frame = 2, sys._getframe(1)
+    while frame.f_back is not None and str(frame.f_globals.get("__name__")).startswith("luxel."):
+        level, frame = level + 1, frame.f_back
+    warnings.warn(f"{where}: {what}", LuxelWarning, stacklevel=level - 1)
 
 
 def read_bytes(path: Path, where: object | None = None) -> Array:
@@ -69,7 +73,8 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
     temporary: str | None = None
     try:
         handle, temporary = tempfile.mkstemp(prefix=f".{path.name[:100]}.", suffix=".part", dir=path.parent)
-        with os.fdopen(handle, "wb") as file:
+        os.close(handle)
+        with open(temporary, "wb") as file:  # by name, which libraries that write on their own need
             yield file
         os.chmod(temporary, _mode(path))
         os.replace(temporary, path)

@@ -16,7 +16,17 @@ from luxel.io.files import atomic_write, door, read_bytes, tell
 from luxel.io.png import PngStream
 from luxel.scene.material import Texture
 
-__all__ = ["PngStream", "decode_image", "load_texture", "read_image", "with_alpha", "write_exr", "write_image", "write_png"]
+__all__ = [
+    "PngStream",
+    "decode_image",
+    "load_texture",
+    "png_bytes",
+    "read_image",
+    "with_alpha",
+    "write_exr",
+    "write_image",
+    "write_png",
+]
 
 _EXR_MAGIC = b"\x76\x2f\x31\x01"
 
@@ -82,12 +92,14 @@ def _decode_pillow(data: bytes, where: str) -> Array:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # an error, below
         try:
-            image = Image.open(io.BytesIO(data))
+            image: Image.Image = Image.open(io.BytesIO(data))
         except Image.UnidentifiedImageError:
             raise FileError(where, "not a picture in a format that Pillow knows") from None
     limit = Image.MAX_IMAGE_PIXELS
     if limit and image.width * image.height > limit:
-        raise FileError(where, f"{image.width} x {image.height} pixels, more than the limit of {limit} against decompression bombs")
+        raise FileError(
+            where, f"{image.width} x {image.height} pixels, more than the limit of {limit} against decompression bombs"
+        )
     with image:
         if image.mode.startswith("I"):
             wide = np.asarray(image, np.float32)[..., None] / np.float32(65535)
@@ -116,7 +128,9 @@ def _decode_exr(data: bytes, where: str) -> Array:
                 channels = {name: np.asarray(channel.pixels, np.float32) for name, channel in exr.channels().items()}
         except Exception as error:
             raise FileError(where, f"cannot be decoded as OpenEXR: {error}") from error
-    names = [name for name in "RGBA" if name in channels] or [name for name in ("Y", *sorted(channels)) if name in channels][:1]
+    names = [name for name in "RGBA" if name in channels] or [
+        name for name in ("Y", *sorted(channels)) if name in channels
+    ][:1]
     if not names:
         raise FileError(where, "an OpenEXR file without channels")
     return np.stack([channels[name] for name in names], -1)
@@ -188,9 +202,18 @@ def write_png(path: str | os.PathLike[str], image: object) -> None:
     if array.ndim == 2:
         array = array[..., None]
     if array.ndim != 3 or array.dtype != np.uint8 or not 1 <= array.shape[2] <= 4 or 0 in array.shape:
-        raise InputError(f"write_png: expected (h, w, 1..4) uint8, got {np.shape(image)} {array.dtype}")
+        raise InputError(f"write_png: expected (h, w, 1..4) uint8, got {array.shape} {array.dtype}")
     with PngStream(path, array.shape[1], array.shape[0], array.shape[2]) as png:
         png.write(array)
+
+
+def png_bytes(image: Array) -> bytes:
+    """The bytes of a PNG file of (h, w, 1..4) uint8, packed well (for pictures inside of other files)."""
+    from PIL import Image
+
+    out = io.BytesIO()
+    Image.fromarray(image[..., 0] if image.shape[2] == 1 else image).save(out, "PNG", compress_level=3)
+    return out.getvalue()
 
 
 def write_image(path: str | os.PathLike[str], image: Array, quality: int = 95) -> None:
@@ -207,7 +230,7 @@ def write_image(path: str | os.PathLike[str], image: Array, quality: int = 95) -
     kind = extensions[path.suffix.lower()]
     array = image[..., :3] if kind == "JPEG" and image.ndim == 3 and image.shape[2] == 4 else image
     array = array[..., 0] if array.ndim == 3 and array.shape[2] == 1 else array
-    with atomic_write(path) as file, door(path):
+    with atomic_write(path) as file, door(path, "cannot be written"):
         Image.fromarray(array).save(file, kind, quality=quality)
 
 
@@ -234,12 +257,14 @@ def write_exr(path: str | os.PathLike[str], layers: dict[str, Array]) -> None:
         array = np.asarray(array)
         array = array[..., None] if array.ndim == 2 else array
         if array.ndim != 3 or array.dtype not in (np.float32, np.float16, np.uint32):
-            raise InputError(f"write_exr, layer {name!r}: expected (h, w, c) float32, float16 or uint32, got {array.shape} {array.dtype}")
+            raise InputError(
+                f"write_exr, layer {name!r}: expected (h, w, c) float32, float16 or uint32, got {array.shape} {array.dtype}"
+            )
         for letter, k in zip(_letters(name, array.shape[2]), range(array.shape[2]), strict=True):
             full = name if "." in name and array.shape[2] == 1 else f"{name}.{letter}" if name else letter
             channels[full] = np.ascontiguousarray(array[..., k])
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    with atomic_write(path) as file, door(path):
+    with atomic_write(path) as file, door(path, "cannot be written"):
         OpenEXR.File(header, channels).write(file.name)
 
 

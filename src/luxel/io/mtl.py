@@ -22,7 +22,19 @@ _MAPS = {  # statement: (field of Material, colours are sRGB-encoded)
     "norm": ("normal_texture", False),
     "map_kn": ("normal_texture", False),
 }
-_IGNORED_MAPS = ("map_ka", "map_ks", "map_ns", "map_bump", "bump", "disp", "decal", "refl", "map_pr", "map_pm", "map_ps")
+_IGNORED_MAPS = (
+    "map_ka",
+    "map_ks",
+    "map_ns",
+    "map_bump",
+    "bump",
+    "disp",
+    "decal",
+    "refl",
+    "map_pr",
+    "map_pm",
+    "map_ps",
+)
 
 
 @dataclass
@@ -71,7 +83,11 @@ class Library:
 
     def _material(self, path: Path, entries: dict[str, str]) -> Material:
         where = f"{path.name}, material {entries['newmtl']}"
-        numbers = {key: _numbers(where, key, entries[key]) for key in ("kd", "ks", "ke", "ns", "d", "tr", "pr", "pm") if key in entries}
+        numbers = {
+            key: _numbers(where, key, entries[key])
+            for key in ("kd", "ks", "ke", "ns", "d", "tr", "pr", "pm")
+            if key in entries
+        }
         alpha = numbers["d"][0] if "d" in numbers else 1 - numbers["tr"][0] if "tr" in numbers else 1.0
         alpha = min(max(alpha, 0.0), 1.0)
         material = Material(name=entries["newmtl"], base_color=(*_rgb(numbers.get("kd", [0.8])), alpha))
@@ -113,8 +129,8 @@ class Library:
         number = self._textures[key]
         if number is None:
             return None
-        offset = (_numbers(where, "-o", " ".join(options.get("-o", ["0"]))) + [0.0])[:2]
-        scale = (_numbers(where, "-s", " ".join(options.get("-s", ["1"]))) + [1.0])[:2]
+        offset = [*_numbers(where, "-o", " ".join(options.get("-o", ["0"]))), 0.0][:2]
+        scale = [*_numbers(where, "-s", " ".join(options.get("-s", ["1"]))), 1.0][:2]
         # OBJ: t = s * (u, v) + o with v upwards; luxel's v runs downwards, 1 - v.
         return TextureRef(number, offset=(offset[0], 1 - scale[1] - offset[1]), scale=(scale[0], scale[1]))
 
@@ -154,7 +170,7 @@ def _map_statement(entry: str) -> tuple[str, dict[str, list[str]]]:
     while place < len(words) and words[place] in _OPTIONS:
         option, most = words[place], _OPTIONS[words[place]]
         place += 1
-        taken = []
+        taken: list[str] = []
         while len(taken) < most and place < len(words) - 1 and (most == 1 or _is_number(words[place])):
             taken.append(words[place])
             place += 1

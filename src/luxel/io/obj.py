@@ -15,10 +15,11 @@ import numpy as np
 
 from luxel.arrays import Array
 from luxel.errors import FileError
-from luxel.io.build import build_mesh
+from luxel.io.build import build_mesh, turned
 from luxel.io.files import read_bytes, tell
 from luxel.io.mtl import Library
 from luxel.io.polygons import triangulate, unify
+from luxel.io.text import table_lines, words_per_line
 from luxel.scene.colour import linear_from_srgb
 from luxel.scene.mesh import Mesh
 from luxel.scene.scene import Instance, Scene
@@ -143,17 +144,6 @@ def _library_names(text: str, folder: Path) -> list[str]:
     return several if len(several) > 1 and not (folder / text).exists() else [text]
 
 
-def _per_line(text: bytes) -> Array:
-    """(lines,) int64: how many words each line of `text` has."""
-    data = np.frombuffer(text, np.uint8)
-    blank = data <= 32
-    begins = ~blank
-    begins[1:] &= blank[:-1]
-    ends = np.flatnonzero(data == 10)
-    total = np.cumsum(begins, dtype=np.int64)[ends]
-    return np.diff(np.r_[0, total])
-
-
 def _parse(text: bytes, dtype: type, lines: _Lines, where: str, runs: list[tuple[int, int]]) -> Array:
     """All numbers of `text`; the first line that holds something else is named."""
     try:
@@ -170,24 +160,18 @@ def _parse(text: bytes, dtype: type, lines: _Lines, where: str, runs: list[tuple
 
 
 def _table(lines: _Lines, where: str, key: bytes, runs: list[tuple[int, int]]) -> Array:
-    """(lines, widest) float64: the numbers of all lines `key`; NaN where a line has fewer than the widest, at most 8."""
+    """(lines, widest) float64: the numbers of all lines `key`; NaN where a line has fewer than the longest."""
     if not runs:
         return np.zeros((0, _VERTEX_KEYS[key]))
     text = lines.block(runs, key)
-    counts = _per_line(text)
+    counts = words_per_line(text)
     short = np.flatnonzero(counts < _VERTEX_KEYS[key])
     if len(short):
         line = [line for a, b in runs for line in range(a, b)][short[0]]
-        raise FileError(f"{where}, line {line + 1}", f"`{key.decode()}` needs {_VERTEX_KEYS[key]} numbers, got {counts[short[0]]}")
-    values = _parse(text, float, lines, where, runs)
-    width = int(counts.max())
-    if (counts == width).all():
-        return values.reshape(-1, width)
-    out = np.full((len(counts), min(width, 8)), np.nan)
-    begin = np.cumsum(counts) - counts
-    for k in range(out.shape[1]):
-        out[counts > k, k] = values[(begin + k)[counts > k]]
-    return out
+        raise FileError(
+            f"{where}, line {line + 1}", f"`{key.decode()}` needs {_VERTEX_KEYS[key]} numbers, got {counts[short[0]]}"
+        )
+    return table_lines(_parse(text, float, lines, where, runs), counts)
 
 
 def _positions(table: Array) -> tuple[Array, Array | None]:
@@ -206,24 +190,35 @@ def _positions(table: Array) -> tuple[Array, Array | None]:
 def _corners(lines: _Lines, where: str, runs: list[tuple[int, int]]) -> tuple[Array, Array]:
     """Corners of each face line (f,), and the references of all corners (k, 3) to v, vt, vn, as written; 0 where left out."""
     text = lines.block(runs, b"f")
-    counts = _per_line(text)
+    counts = words_per_line(text)
     if b"/" not in text:
         flat = _parse(text, int, lines, where, runs)
         return counts, np.stack([flat, np.zeros_like(flat), np.zeros_like(flat)], 1)
     spread = text.replace(b"//", b"/0/").replace(b"/", b" ")
-    numbers = _per_line(spread)
+    numbers = words_per_line(spread)
     each = int(numbers.sum()) // max(int(counts.sum()), 1)
     if each not in (2, 3) or not np.array_equal(numbers, each * counts) or re.search(rb"/\s", text):
-        spread = re.sub(rb"([^\s/]+)(?:/([^\s/]*))?(?:/([^\s/]*))?", lambda m: b"%b %b %b" % (m[1], m[2] or b"0", m[3] or b"0"), text)
+        spread = re.sub(
+            rb"([^\s/]+)(?:/([^\s/]*))?(?:/([^\s/]*))?",
+            lambda m: b"%b %b %b" % (m[1], m[2] or b"0", m[3] or b"0"),
+            text,
+        )
         each = 3
-        if not np.array_equal(_per_line(spread), 3 * counts):
+        if not np.array_equal(words_per_line(spread), 3 * counts):
             raise FileError(where, "a face reference has more than three parts")
     flat = _parse(spread, int, lines, where, runs).reshape(-1, each)
     return counts, flat if each == 3 else np.concatenate([flat, np.zeros_like(flat[:, :1])], 1)
 
 
 def _mesh(
-    lines: _Lines, where: str, part: _Part, tables: dict[bytes, Array], positions: Array, colors: Array | None, count_before: Any, whole: bool
+    lines: _Lines,
+    where: str,
+    part: _Part,
+    tables: dict[bytes, Array],
+    positions: Array,
+    colors: Array | None,
+    count_before: Any,
+    whole: bool,
 ) -> Mesh:
     """The mesh of one part; `whole` keeps the file's vertices as they are where faces index nothing else."""
     counts, references = _corners(lines, where, part.runs)
@@ -236,7 +231,11 @@ def _mesh(
     if few:
         tell(where, f"{few} faces with fewer than 3 corners are dropped")
     vertex = references[:, 0] - 1
-    cut = triangulate(counts, np.clip(vertex, 0, max(len(positions) - 1, 0)), positions) if len(positions) else np.zeros((0, 3), np.int64)
+    cut = (
+        triangulate(counts, np.clip(vertex, 0, max(len(positions) - 1, 0)), positions)
+        if len(positions)
+        else np.zeros((0, 3), np.int64)
+    )
     name = part.name or part.material or ""
     corners, used = cut.reshape(-1), [0]
     good = (vertex >= 0) & (vertex < len(positions))
@@ -247,7 +246,10 @@ def _mesh(
             if inside[corners].all():
                 used.append(k)
             else:
-                tell(where, f"{np.count_nonzero(~inside[corners])} corners have no proper {key.decode()}; all {key.decode()} of {name!r} are dropped")
+                tell(
+                    where,
+                    f"{np.count_nonzero(~inside[corners])} corners have no proper {key.decode()}; all {key.decode()} of {name!r} are dropped",
+                )
     if used == [0] and whole:
         return build_mesh(where, positions, vertex[cut], colors=colors, name=name)
     columns = [np.where(good, references[:, k] - 1, 0)[corners] for k in used]
@@ -259,8 +261,10 @@ def _mesh(
         texcoords = np.zeros((len(first), 2))
         table = np.nan_to_num(tables[b"vt"][:, :2], nan=0.0)
         texcoords[:, : table.shape[1]] = table[source[1]]
-        texcoords[:, 1] = 1 - texcoords[:, 1]
+        texcoords = turned(texcoords)
     if 2 in used:
         normals = tables[b"vn"][source[2], :3]
     picked = None if colors is None else colors[source[0]]
-    return build_mesh(where, positions[source[0]], triangles, texcoords=texcoords, normals=normals, colors=picked, name=name)
+    return build_mesh(
+        where, positions[source[0]], triangles, texcoords=texcoords, normals=normals, colors=picked, name=name
+    )

@@ -16,10 +16,11 @@ import numpy as np
 
 from luxel.arrays import Array
 from luxel.errors import FileError
-from luxel.io.build import build_mesh
-from luxel.io.files import tell
+from luxel.io.build import build_mesh, turned
+from luxel.io.files import atomic_write, tell
+from luxel.io.flatten import flatten
 from luxel.io.polygons import strip, triangulate, unify
-from luxel.scene.colour import linear_from_srgb
+from luxel.scene.colour import bytes_from_linear, linear_from_srgb
 from luxel.scene.material import Material, TextureRef
 from luxel.scene.mesh import Mesh
 from luxel.scene.scene import Scene
@@ -125,7 +126,9 @@ def _read_header(file: IO[bytes], where: str) -> tuple[str, list[_Element], str]
 def _property(words: list[str], order: str, at: str) -> _Property:
     kinds = words[2:4] if words[1:2] == ["list"] else words[1:2]
     if len(words) != len(kinds) + (3 if len(kinds) == 2 else 2) or any(kind not in _DTYPES for kind in kinds):
-        raise FileError(at, f"expected `property TYPE NAME` or `property list TYPE TYPE NAME`, got {' '.join(words)[:80]!r}")
+        raise FileError(
+            at, f"expected `property TYPE NAME` or `property list TYPE TYPE NAME`, got {' '.join(words)[:80]!r}"
+        )
     dtypes = [np.dtype((order or "<") + _DTYPES[kind]) for kind in kinds]
     if len(dtypes) == 2 and dtypes[0].kind == "f":
         raise FileError(at, f"the length of a list cannot be a {kinds[0]}")
@@ -193,7 +196,10 @@ def _read_rows(
         shape: Any = element.rows if prop.count is None else (element.rows, counts[prop.name])
         columns[prop.name] = np.empty(shape, prop.dtype.newbyteorder("="))
     names = [name for i, name in enumerate(dtype.names or ()) if i not in lengths]
-    expected = [(f"f{i}", counts[p.name]) for i, p in zip(lengths, (p for p in element.properties if p.count is not None), strict=True)]
+    expected = [
+        (f"f{i}", counts[p.name])
+        for i, p in zip(lengths, (p for p in element.properties if p.count is not None), strict=True)
+    ]
     for start in range(0, element.rows, _ROWS):
         part = np.fromfile(file, dtype, min(_ROWS, element.rows - start))
         if any((part[name] != count).any() for name, count in expected):
@@ -216,7 +222,9 @@ def _walk_bytes(data: bytes, element: _Element, at: str) -> tuple[_Columns, int]
     for row in range(element.rows):
         for k, (head, item, kind) in enumerate(steps):
             if kind is not None:
-                count = int.from_bytes(data[place : place + head], "big" if kind.str[0] == ">" else "little", signed=kind.kind == "i")
+                count = int.from_bytes(
+                    data[place : place + head], "big" if kind.str[0] == ">" else "little", signed=kind.kind == "i"
+                )
                 place += head
                 if count < 0:
                     raise FileError(f"{at}, row {row}", f"a list of {count} values")
@@ -289,7 +297,9 @@ def _walk_numbers(values: Array, element: _Element, at: str) -> tuple[_Columns, 
             counts[k].append(count)
             place += count
             if count < 0 or place > len(values):
-                raise FileError(f"{at}, row {row}", "the file ends" if place >= len(values) else "a list without a proper length")
+                raise FileError(
+                    f"{at}, row {row}", "the file ends" if place >= len(values) else "a list without a proper length"
+                )
     columns: _Columns = {}
     for prop, begin, many in zip(element.properties, places, counts, strict=True):
         length = np.array(many, np.int64)
@@ -328,8 +338,9 @@ def _mesh(where: str, columns: dict[str, _Columns]) -> Mesh:
         raise FileError(f"{where}, element vertex", "expected rows with the properties x, y and z")
     attributes: dict[str, Any] = {"normals": _stack(vertex, ("nx", "ny", "nz")), "colors": _colors(vertex)}
     for names in _TEXCOORD_NAMES:
-        if attributes.get("texcoords") is None:
-            attributes["texcoords"] = _flipped(_stack(vertex, names))
+        uv = _stack(vertex, names)
+        if uv is not None and "texcoords" not in attributes:
+            attributes["texcoords"] = turned(uv)
     triangles, corners, texcoords = _triangles(where, columns, positions)
     if texcoords is not None:  # given for each corner: a vertex for each pair that differs
         rows, kind = np.unique(np.require(texcoords, np.float32, "C").view(np.uint64), return_inverse=True)
@@ -339,7 +350,7 @@ def _mesh(where: str, columns: dict[str, _Columns]) -> Mesh:
         source = np.where(good, corners, 0)[first]
         positions = positions[source]
         attributes = {key: value[source] for key, value in attributes.items() if value is not None}
-        attributes["texcoords"] = _flipped(rows.view(np.float32).reshape(-1, 2)[kind.reshape(-1)[first]])
+        attributes["texcoords"] = turned(rows.view(np.float32).reshape(-1, 2)[kind.reshape(-1)[first]])
     return build_mesh(where, positions, triangles, **attributes)
 
 
@@ -361,16 +372,16 @@ def _triangles(where: str, columns: dict[str, _Columns], positions: Array) -> tu
         return np.zeros((0, 3), np.int32), np.zeros(0, np.int32), None
     flat = _integers(lists.values, f"{where}, element face")
     uv = face.get("texcoord")
-    own = isinstance(uv, _Lists) and np.array_equal(uv.counts, 2 * lists.counts)
+    texcoords = uv.values.reshape(-1, 2) if isinstance(uv, _Lists) and np.array_equal(uv.counts, 2 * lists.counts) else None
     if len(flat) == 3 * len(lists.counts) and (lists.counts == 3).all():
-        return flat.reshape(-1, 3), flat, uv.values.reshape(-1, 2) if own else None
+        return flat.reshape(-1, 3), flat, texcoords
     few = int(np.count_nonzero(lists.counts < 3))
     if few:
         tell(where, f"{few} faces with fewer than 3 corners are dropped")
     within = np.clip(flat, 0, len(positions) - 1)  # only to choose where to cut; build_mesh drops what is out of range
     cut = triangulate(lists.counts, within, positions).reshape(-1)
     triangles = flat[cut]
-    return triangles.reshape(-1, 3), triangles, uv.values.reshape(-1, 2)[cut] if own else None
+    return triangles.reshape(-1, 3), triangles, None if texcoords is None else texcoords[cut]
 
 
 def _integers(values: Array, at: str) -> Array:
@@ -392,13 +403,6 @@ def _stack(vertex: _Columns, names: tuple[str, ...]) -> Array | None:
     return out
 
 
-def _flipped(texcoords: Array | None) -> Array | None:
-    """PLY and OBJ count v from the bottom, glTF and luxel from the top."""
-    if texcoords is not None:
-        texcoords[:, 1] = 1 - texcoords[:, 1]
-    return texcoords
-
-
 def _colors(vertex: _Columns) -> Array | None:
     for prefix in ("", "diffuse_"):
         encoded = _stack(vertex, (f"{prefix}red", f"{prefix}green", f"{prefix}blue"))
@@ -414,3 +418,37 @@ def _colors(vertex: _Columns) -> Array | None:
     if isinstance(alpha, np.ndarray):
         out[:, 3] = np.clip(alpha / scale, 0, 1)
     return out
+
+
+def save(scene: Scene, path: Path) -> None:
+    """Binary little-endian PLY: all instances in world space, with normals, colours (sRGB, 8 bits) and texture coordinates."""
+    mesh = flatten(scene, path.name, keeps=("normals", "texcoords", "colors"))
+    fields: list[Any] = [(name, "<f4") for name in "xyz"]
+    parts = [mesh.positions]
+    if mesh.normals is not None:
+        fields += [(name, "<f4") for name in ("nx", "ny", "nz")]
+        parts.append(mesh.normals)
+    if mesh.texcoords is not None:
+        fields += [("s", "<f4"), ("t", "<f4")]
+        parts.append(turned(mesh.texcoords))
+    if mesh.colors is not None:
+        fields += [(name, "u1") for name in ("red", "green", "blue", "alpha")]
+        alpha = np.clip(mesh.colors[:, 3:] * 255 + 0.5, 0, 255).astype(np.uint8)
+        parts += [bytes_from_linear(mesh.colors[:, :3]), alpha]
+    kinds = {"<f4": "float", "u1": "uchar"}
+    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(mesh.positions)}"]
+    header += [f"property {kinds[kind]} {name}" for name, kind in fields]
+    header += [f"element face {len(mesh.triangles)}", "property list uchar int vertex_indices", "end_header", ""]
+    with atomic_write(path) as file:
+        file.write("\n".join(header).encode())
+        for start in range(0, len(mesh.positions), _ROWS):
+            rows = np.empty(len(mesh.positions[start : start + _ROWS]), fields)
+            columns = (column for part in parts for column in part[start : start + _ROWS].T)
+            for (name, _), column in zip(fields, columns, strict=True):
+                rows[name] = column
+            file.write(rows.data)
+        for start in range(0, len(mesh.triangles), _ROWS):
+            triangles = mesh.triangles[start : start + _ROWS]
+            faces = np.empty(len(triangles), [("count", "u1"), ("vertices", "<i4", 3)])
+            faces["count"], faces["vertices"] = 3, triangles
+            file.write(faces.data)

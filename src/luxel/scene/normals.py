@@ -30,9 +30,12 @@ def vertex_normals(positions: object, triangles: object) -> Array:
     Vertices at equal positions share one normal, so a seam or a soup of triangles is as smooth as a welded mesh. A vertex of
     no triangle, or of degenerate ones only, gets (0, 0, 1).
     """
-    positions, triangles = checked(positions, ("n", 3), np.float32, "positions"), checked(triangles, ("m", 3), np.int32, "triangles")
-    weld = _weld(positions)
-    return _unit(_smooth(positions, triangles, weld), weld)
+    positions, triangles = (
+        checked(positions, ("n", 3), np.float32, "positions"),
+        checked(triangles, ("m", 3), np.int32, "triangles"),
+    )
+    same = weld(positions)
+    return _unit(_smooth(positions, triangles, same), same)
 
 
 def with_normals(mesh: Mesh, crease_angle: float | None = CREASE_ANGLE) -> Mesh:
@@ -46,16 +49,16 @@ def with_normals(mesh: Mesh, crease_angle: float | None = CREASE_ANGLE) -> Mesh:
     if crease_angle is not None and not 0 <= crease_angle <= np.pi + 1e-6:
         raise InputError(f"crease_angle: expected radians in 0..pi, got {crease_angle}")
     with np.errstate(all="ignore"):
-        weld = _weld(mesh.positions)
-        sums = _smooth(mesh.positions, mesh.triangles, weld)
-        normals = _unit(sums, weld)
+        same = weld(mesh.positions)
+        sums = _smooth(mesh.positions, mesh.triangles, same)
+        normals = _unit(sums, same)
         del sums
         if crease_angle is None or crease_angle >= np.pi:
             return replace(mesh, normals=normals)
-        corners = _sharp_corners(mesh, normals, weld, crease_angle)
+        corners = _sharp_corners(mesh, normals, same, crease_angle)
         if not len(corners):
             return replace(mesh, normals=normals)
-        return _split(mesh, normals, corners, _creased(mesh, corners, weld, crease_angle))
+        return _split(mesh, normals, corners, _creased(mesh, corners, same, crease_angle))
 
 
 def face_normals(positions: Array, triangles: Array) -> Array:
@@ -73,7 +76,7 @@ def _cross(a: Array, b: Array) -> Array:
     return out
 
 
-def _weld(positions: Array) -> Array | None:
+def weld(positions: Array) -> Array | None:
     """(n,) int32: for each vertex the lowest one at the same position; None where all positions differ."""
     bits = (positions + np.float32(0)).view(np.uint32).astype(np.uint64)  # + 0 turns -0 into 0
     key = bits[:, 0] * np.uint64(0x9E3779B97F4A7C15)
@@ -93,9 +96,9 @@ def _weld(positions: Array) -> Array | None:
     first = order[starts]
     if len(first) == len(key):
         return None
-    weld = np.empty(len(key), np.int32)
-    weld[order] = np.repeat(first, np.diff(np.append(np.flatnonzero(starts), len(key))))
-    return weld
+    same = np.empty(len(key), np.int32)
+    same[order] = np.repeat(first, np.diff(np.append(np.flatnonzero(starts), len(key))))
+    return same
 
 
 def _corner_weights(positions: Array, triangles: Array) -> tuple[Array, Array]:
@@ -111,13 +114,13 @@ def _corner_weights(positions: Array, triangles: Array) -> tuple[Array, Array]:
     return normal, angles
 
 
-def _smooth(positions: Array, triangles: Array, weld: Array | None) -> Array:
+def _smooth(positions: Array, triangles: Array, same: Array | None) -> Array:
     """(n, 3) float64: the weighted sum of face normals at each (welded) vertex."""
     sums = np.zeros((len(positions), 3))
     for start in range(0, len(triangles), _CHUNK):
         chunk = triangles[start : start + _CHUNK]
         normal, angles = _corner_weights(positions, chunk)
-        vertex = (chunk if weld is None else weld[chunk]).reshape(-1)
+        vertex = (chunk if same is None else same[chunk]).reshape(-1)
         low = int(vertex.min())
         vertex = vertex - low  # neighbours in the file are mostly neighbours in memory: add to their stretch only
         for k in range(3):
@@ -126,7 +129,7 @@ def _smooth(positions: Array, triangles: Array, weld: Array | None) -> Array:
     return sums
 
 
-def _unit(sums: Array, weld: Array | None) -> Array:
+def _unit(sums: Array, same: Array | None) -> Array:
     """(n, 3) float32 of unit length from sums (n, 3); (0, 0, 1) where there is no direction."""
     out = np.empty(sums.shape, np.float32)
     for start in range(0, len(sums), _CHUNK):
@@ -137,10 +140,10 @@ def _unit(sums: Array, weld: Array | None) -> Array:
         good = np.isfinite(length) & (length > 0)
         part = np.where(good[:, None], part / np.where(good, length, 1)[:, None], (0.0, 0.0, 1.0))
         out[start : start + _CHUNK] = part
-    return out if weld is None else out[weld]
+    return out if same is None else out[same]
 
 
-def _sharp_corners(mesh: Mesh, normals: Array, weld: Array | None, crease_angle: float) -> Array:
+def _sharp_corners(mesh: Mesh, normals: Array, same: Array | None, crease_angle: float) -> Array:
     """(k,) int64 corners (3 * triangle + 0..2) at vertices where a face leans more than half the crease from the smooth normal.
 
     Elsewhere any two faces are within the crease of each other and the smooth normal stands.
@@ -156,17 +159,17 @@ def _sharp_corners(mesh: Mesh, normals: Array, weld: Array | None, crease_angle:
             sharp[vertex[np.einsum("ij,ij->i", face, normals.take(vertex, 0)) < least]] = True
     if not sharp.any():
         return np.zeros(0, np.int64)
-    if weld is not None:  # all copies of a sharp vertex are sharp
+    if same is not None:  # all copies of a sharp vertex are sharp
         at = np.zeros(len(sharp), bool)
-        at[weld[sharp]] = True
-        sharp = at[weld]
+        at[same[sharp]] = True
+        sharp = at[same]
     return np.flatnonzero(sharp[mesh.triangles.reshape(-1)])
 
 
-def _creased(mesh: Mesh, corners: Array, weld: Array | None, crease_angle: float) -> Array:
+def _creased(mesh: Mesh, corners: Array, same: Array | None, crease_angle: float) -> Array:
     """(k, 3) float32 unit normals of `corners`: each sums the faces at its vertex within the crease of its own face."""
     vertex = mesh.triangles.reshape(-1)[corners]
-    group = vertex if weld is None else weld[vertex]
+    group = vertex if same is None else same[vertex]
     order = np.argsort(group, kind="stable")
     corners, group = corners[order], group[order]
     normal, angles = _corner_weights(mesh.positions, mesh.triangles[corners // 3])

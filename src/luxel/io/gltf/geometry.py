@@ -29,7 +29,9 @@ class Geometry:
     weights: Array | None = None  # (n, 4) float32
 
 
-def read_primitive(document: Document, part: Part, morph: tuple[float, ...], name: str, material: int) -> Geometry | None:
+def read_primitive(
+    document: Document, part: Part, morph: tuple[float, ...], name: str, material: int
+) -> Geometry | None:
     """One primitive as a mesh with the morph targets added at weights `morph`; None where it draws no triangles."""
     mode = part.integer("mode", 4)
     if mode not in _DRAWN_MODES:
@@ -82,7 +84,11 @@ def _triangles(document: Document, part: Part, rows: int, mode: int) -> Array:
         indices = read(document, part.integer("indices"), part.where, types=("SCALAR",))[:, 0]
         if indices.dtype.kind != "u":
             raise FileError(part.where, f"indices: expected unsigned integers, got {indices.dtype}")
-        indices = indices.astype(np.int64) if indices.dtype.itemsize == 4 and int(indices.max()) > 2**31 - 1 else indices.astype(np.int32)
+        indices = (
+            indices.astype(np.int64)
+            if indices.dtype.itemsize == 4 and int(indices.max()) > 2**31 - 1
+            else indices.astype(np.int32)
+        )
     else:
         indices = np.arange(rows, dtype=np.int32)
     if mode == 5:
@@ -90,11 +96,16 @@ def _triangles(document: Document, part: Part, rows: int, mode: int) -> Array:
     if mode == 6:
         return fan(indices)
     if len(indices) % 3:
-        tell(part.where, f"{len(indices)} indices are no whole number of triangles; the last {len(indices) % 3} are dropped")
+        tell(
+            part.where,
+            f"{len(indices)} indices are no whole number of triangles; the last {len(indices) % 3} are dropped",
+        )
     return indices[: len(indices) // 3 * 3].reshape(-1, 3)
 
 
-def _morphed(document: Document, part: Part, positions: Array, arrays: dict[str, Any], weights: tuple[float, ...]) -> Array:
+def _morphed(
+    document: Document, part: Part, positions: Array, arrays: dict[str, Any], weights: tuple[float, ...]
+) -> Array:
     """Positions plus the weighted sum of the targets' displacements; normals in `arrays` likewise, and unit again."""
     for target, weight in zip(part.parts("targets", "target"), weights, strict=False):
         if weight == 0:
@@ -115,7 +126,8 @@ def _morphed(document: Document, part: Part, positions: Array, arrays: dict[str,
 def skinned(geometry: Geometry, joint_matrices: Array, where: str) -> Mesh:
     """The mesh in world space, each vertex moved by the weighted sum of its joints' matrices (k, 4, 4)."""
     mesh, joints, weights = geometry.mesh, geometry.joints, geometry.weights
-    assert joints is not None and weights is not None
+    assert joints is not None
+    assert weights is not None
     if int(joints.max(initial=0)) >= len(joint_matrices):
         raise FileError(where, f"joint {int(joints.max())} of a skin of {len(joint_matrices)}")
     total = weights.sum(1, keepdims=True)

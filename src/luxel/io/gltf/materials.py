@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import Any, cast, get_args
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from luxel.errors import FileError
 from luxel.io.files import tell
 from luxel.io.gltf.document import Document, Part
 from luxel.scene.colour import linear_from_srgb
-from luxel.scene.material import AlphaMode, Filter, Material, Texture, TextureRef, Wrap
+from luxel.scene.material import AlphaMode, Filter, Material, Shading, Texture, TextureRef, Wrap
 from luxel.scene.scene import Scene
 
 _WRAPS: dict[int, Wrap] = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
@@ -35,7 +35,10 @@ class Textures:
         if info is None:
             return None
         part = self.document.item("textures", info.integer("index"), info.where)
-        source = next((p.integer("source", None) for name in _SOURCES if (p := part.extension(name))), part.integer("source", None))
+        source = next(
+            (p.integer("source", None) for name in _SOURCES if (p := part.extension(name))),
+            part.integer("source", None),
+        )
         if source is None:
             tell(part.where, "has no image that luxel can read and is ignored")
             return None
@@ -51,7 +54,10 @@ class Textures:
             return None
         ref = TextureRef(self._number(source, image, part, srgb), texcoord)
         if transform is not None:
-            ref.offset, ref.scale = transform.numbers("offset", 2, (0.0, 0.0)), transform.numbers("scale", 2, (1.0, 1.0))
+            ref.offset, ref.scale = (
+                transform.numbers("offset", 2, (0.0, 0.0)),
+                transform.numbers("scale", 2, (1.0, 1.0)),
+            )
             ref.rotation = transform.number("rotation", 0.0)
         return ref
 
@@ -80,9 +86,15 @@ class Textures:
         sampler = self.document.item("samplers", index, part.where)
         wraps = [sampler.integer(key, 10497) for key in ("wrapS", "wrapT")]
         least, most = sampler.integer("minFilter", 9987), sampler.integer("magFilter", 9729)
-        for key, value, known in (("wrapS", wraps[0], _WRAPS), ("wrapT", wraps[1], _WRAPS), ("minFilter", least, _FILTERS)):
+        for key, value, known in (
+            ("wrapS", wraps[0], _WRAPS),
+            ("wrapT", wraps[1], _WRAPS),
+            ("minFilter", least, _FILTERS),
+        ):
             if value not in cast(dict[int, Any], known):
-                raise FileError(sampler.where, f"{key}: expected one of {sorted(cast(dict[int, Any], known))}, got {value}")
+                raise FileError(
+                    sampler.where, f"{key}: expected one of {sorted(cast(dict[int, Any], known))}, got {value}"
+                )
         filtering = _FILTERS[least]
         if most == 9728 and filtering == "bilinear":
             filtering = "nearest"
@@ -121,10 +133,18 @@ def read_material(part: Part, textures: Textures) -> Material:
     mode = part.text("alphaMode", "OPAQUE")
     if mode not in ("OPAQUE", "MASK", "BLEND"):
         raise FileError(part.where, f"alphaMode: expected OPAQUE, MASK or BLEND, got {mode[:20]!r}")
+    own = own_extras(part)
+    shading = own.text("shading", "pbr")
+    if part.extension("KHR_materials_unlit") is not None:
+        shading = "unlit"
+    if shading not in (*get_args(Shading), "any"):
+        raise FileError(own.where, f"shading {shading[:20]!r}")
     normal, occlusion, light = part.part("normalTexture"), part.part("occlusionTexture"), part.extension("MOZ_lightmap")
     return Material(
         name=part.text("name", ""),
-        shading="unlit" if part.extension("KHR_materials_unlit") is not None else "pbr",
+        shading=None if shading == "any" else shading,
+        specular=own.numbers("specular", 3, None),
+        shininess=own.number("shininess", None, 0.0),
         base_color=pbr.numbers("baseColorFactor", 4, (1.0, 1.0, 1.0, 1.0)),
         metallic=pbr.number("metallicFactor", 1.0, 0.0),
         roughness=pbr.number("roughnessFactor", 1.0, 0.0),
@@ -142,6 +162,13 @@ def read_material(part: Part, textures: Textures) -> Material:
         lightmap_texture=textures.ref(light, False),
         lightmap_scale=light.number("intensity", 1.0, 0.0) if light else 1.0,
     )
+
+
+def own_extras(part: Part) -> Part:
+    """What luxel wrote into the extras of an object because glTF has no place for it; empty where it did not."""
+    extras = part.data.get("extras")
+    own = extras.get("luxel") if isinstance(extras, dict) else None
+    return Part(f"{part.where}, extras", own if isinstance(own, dict) else {})
 
 
 def default_material() -> Material:

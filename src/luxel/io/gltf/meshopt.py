@@ -24,7 +24,10 @@ def decode(document: Document, view: Part, packed: Part) -> Array:
     count, stride = packed.integer("count"), packed.integer("byteStride", low=1, high=256)
     mode, name = packed.text("mode"), packed.text("filter", "NONE")
     if count * stride != view.integer("byteLength"):
-        raise FileError(packed.where, f"count {count} x byteStride {stride} is not byteLength {view.integer('byteLength')} of the buffer view")
+        raise FileError(
+            packed.where,
+            f"count {count} x byteStride {stride} is not byteLength {view.integer('byteLength')} of the buffer view",
+        )
     try:
         import meshoptimizer
     except ImportError as error:
@@ -48,7 +51,11 @@ def _attributes(library: Any, where: str, data: Array, count: int, stride: int, 
     out = _call(where, library.decode_vertex_buffer, count, stride, data, np.dtype((np.void, stride)))
     if name == "NONE" or not count:
         return out.view(np.uint8)
-    function = {"OCTAHEDRAL": library.decode_filter_oct, "QUATERNION": library.decode_filter_quat, "EXPONENTIAL": library.decode_filter_exp}[name]
+    function = {
+        "OCTAHEDRAL": library.decode_filter_oct,
+        "QUATERNION": library.decode_filter_quat,
+        "EXPONENTIAL": library.decode_filter_exp,
+    }[name]
     return _call(where, function, out.view(np.uint8), count, stride)
 
 

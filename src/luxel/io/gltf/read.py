@@ -14,9 +14,9 @@ from luxel.io.files import tell
 from luxel.io.gltf.accessors import read
 from luxel.io.gltf.document import Document, Part
 from luxel.io.gltf.geometry import Geometry, read_primitive, skinned
-from luxel.io.gltf.materials import Textures, default_material, read_material
+from luxel.io.gltf.materials import Textures, default_material, own_extras, read_material
 from luxel.scene.camera import Camera
-from luxel.scene.light import Light
+from luxel.scene.light import Ambient, Light
 from luxel.scene.scene import Instance, Scene
 
 _SUPPORTED = {
@@ -32,6 +32,8 @@ _SUPPORTED = {
     "KHR_texture_transform",
     "MOZ_lightmap",
 }
+
+_INSTANCE_COLUMNS = (("TRANSLATION", "VEC3", (0, 0, 0)), ("ROTATION", "VEC4", (0, 0, 0, 1)), ("SCALE", "VEC3", (1, 1, 1)))
 
 
 def load(path: Path) -> Scene:
@@ -65,7 +67,6 @@ class _Placed:
     index: int
     part: Part
     world: Array
-    object: int
 
 
 class _Reader:
@@ -84,9 +85,11 @@ class _Reader:
             self.scene.materials.append(read_material(part, self.textures))
         placed = self._walk(self._roots())
         worlds = {node.index: node.world for node in placed}
+        objects = 0
         for node in placed:
             if node.part.has("mesh"):
-                self._draw(node, worlds)
+                self._draw(node, worlds, objects)
+                objects += 1
             if node.part.has("camera"):
                 self._camera(node)
             light = node.part.extension("KHR_lights_punctual")
@@ -103,6 +106,9 @@ class _Reader:
             tell(document.where, f"of {document.count('scenes')} scenes, scene {index} is loaded")
         scene = document.item("scenes", index, document.where)
         self.scene.name = scene.text("name", "") or self.scene.name
+        ambient = own_extras(scene).part("ambient")
+        if ambient is not None:
+            self.scene.ambient = Ambient(ambient.numbers("sky", 3), ambient.numbers("ground", 3))
         return scene.indices("nodes")
 
     def _walk(self, roots: list[int]) -> list[_Placed]:
@@ -114,30 +120,33 @@ class _Reader:
             index, parent, asked_by = stack.pop()
             part = self.document.item("nodes", index, asked_by)
             if index in seen:
-                tell(part.where, f"is reached twice, again from {asked_by.rpartition(', ')[2]}, or is its own ancestor; drawn once")
+                tell(
+                    part.where,
+                    f"is reached twice, again from {asked_by.rpartition(', ')[2]}, or is its own ancestor; drawn once",
+                )
                 continue
             seen.add(index)
             world = parent @ _local(part)
             if not np.isfinite(world).all():
                 raise FileError(part.where, "its transform is not finite")
-            placed.append(_Placed(index, part, world, len(placed)))
+            placed.append(_Placed(index, part, world))
             stack.extend((child, world, part.where) for child in reversed(part.indices("children")))
         return placed
 
-    def _draw(self, node: _Placed, worlds: dict[int, Array]) -> None:
+    def _draw(self, node: _Placed, worlds: dict[int, Array], number: int) -> None:
         index = node.part.integer("mesh")
         mesh = self.document.item("meshes", index, node.part.where)
         weights = node.part.numbers("weights", None, ()) or mesh.numbers("weights", None, ())
         skin = node.part.integer("skin", None)
         name = node.part.text("name", "") or mesh.text("name", "")
         copies = self._copies(node)
-        for number, geometry in self._primitives(index, mesh, weights):
+        for made, geometry in self._primitives(index, mesh, weights):
             world = node.world
             if skin is not None and geometry.joints is not None:
                 self.scene.meshes.append(skinned(geometry, self._joint_matrices(skin, node, worlds), mesh.where))
-                number, world = len(self.scene.meshes) - 1, np.eye(4)
+                made, world = len(self.scene.meshes) - 1, np.eye(4)
             for copy in copies:
-                self.scene.instances.append(Instance(number, world @ copy, node.object, name))
+                self.scene.instances.append(Instance(made, world @ copy, number, name))
 
     def _primitives(self, index: int, mesh: Part, weights: tuple[float, ...]) -> list[tuple[int, Geometry]]:
         """The scene's mesh number and the geometry of each primitive that draws triangles."""
@@ -183,32 +192,46 @@ class _Reader:
         attributes = None if part is None else part.part("attributes")
         if attributes is None:
             return np.eye(4)[None]
-        arrays = {}
-        for key, kind in (("TRANSLATION", "VEC3"), ("ROTATION", "VEC4"), ("SCALE", "VEC3")):
+        columns = []
+        rows: int | None = None
+        for key, kind, none in _INSTANCE_COLUMNS:
+            column = np.array([none], np.float32)
             if attributes.has(key):
-                rows = len(next(iter(arrays.values()))) if arrays else None
-                arrays[key] = read(self.document, attributes.integer(key), attributes.where, types=(kind,), rows=rows)
-        count = len(next(iter(arrays.values()))) if arrays else 1
-        none = {"TRANSLATION": (0, 0, 0), "ROTATION": (0, 0, 0, 1), "SCALE": (1, 1, 1)}
-        rows = [np.broadcast_to(arrays.get(key, np.array(value)), (count, len(value))) for key, value in none.items()]
-        return np.stack([_compose(*triple, attributes.where) for triple in zip(*rows, strict=True)])
+                column = read(self.document, attributes.integer(key), attributes.where, types=(kind,), rows=rows)
+                rows = len(column)
+            columns.append(column)
+        translations, rotations, scales = (np.broadcast_to(column, (rows or 1, column.shape[1])) for column in columns)
+        return np.stack([_compose(*row, attributes.where) for row in zip(translations, rotations, scales, strict=True)])
 
     def _camera(self, node: _Placed) -> None:
         part = self.document.item("cameras", node.part.integer("camera"), node.part.where)
         kind = part.text("type")
         lens = part.part(kind) if kind in ("perspective", "orthographic") else None
         if lens is None:
-            raise FileError(part.where, f"type: expected perspective or orthographic with its object, got {kind[:20]!r}")
+            raise FileError(
+                part.where, f"type: expected perspective or orthographic with its object, got {kind[:20]!r}"
+            )
         pose = _rigid(node.world, node.part.where)
         name = node.part.text("name", "") or part.text("name", "")
         if kind == "perspective":
             far = lens.number("zfar", float("inf"))
             aspect = lens.number("aspectRatio", None)
-            lens_args: dict[str, Any] = {"yfov": lens.number("yfov"), "near": lens.number("znear"), "far": far, "aspect": aspect}
+            lens_args: dict[str, Any] = {
+                "yfov": lens.number("yfov"),
+                "near": lens.number("znear"),
+                "far": far,
+                "aspect": aspect,
+            }
         else:
             wide, high = abs(lens.number("xmag")), abs(lens.number("ymag"))
             aspect = wide / high if wide and high else None
-            lens_args = {"yfov": None, "height": 2 * high, "near": lens.number("znear"), "far": lens.number("zfar"), "aspect": aspect}
+            lens_args = {
+                "yfov": None,
+                "height": 2 * high,
+                "near": lens.number("znear"),
+                "far": lens.number("zfar"),
+                "aspect": aspect,
+            }
         if lens_args["aspect"] is not None and not lens_args["aspect"] > 0:
             raise FileError(lens.where, f"aspectRatio: expected a number > 0, got {lens_args['aspect']}")
         self.scene.cameras.append(Camera(pose, name=name, **lens_args))
@@ -248,7 +271,10 @@ def _local(part: Part) -> Array:
         return out
     triple = [part.numbers(key, n, (0.0,) * n) for key, n in (("translation", 3), ("rotation", 4), ("scale", 3))]
     return _compose(
-        triple[0], triple[1] if part.has("rotation") else (0.0, 0.0, 0.0, 1.0), triple[2] if part.has("scale") else (1.0, 1.0, 1.0), part.where
+        triple[0],
+        triple[1] if part.has("rotation") else (0.0, 0.0, 0.0, 1.0),
+        triple[2] if part.has("scale") else (1.0, 1.0, 1.0),
+        part.where,
     )
 
 
