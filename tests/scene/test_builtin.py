@@ -29,7 +29,6 @@ from luxel.scene.builtin import (
     tube,
     two_triangles,
 )
-from luxel.scene.builtin.paper import linear_from_srgb8
 from luxel.scene.inspect import inspect
 from luxel.scene.scene import Scene
 from luxel.scene.transforms import rotation, scaling, translation
@@ -178,10 +177,6 @@ def test_two_triangles_are_the_papers():
     camera = scene.cameras[0]
     assert (camera.eye.tolist(), camera.near, camera.far) == ([0, 0, 5], 0.1, 50)
     assert camera.yfov == pytest.approx(np.pi / 4)
-
-
-def test_srgb_of_dark_bytes():
-    np.testing.assert_allclose(linear_from_srgb8([0, 10, 255]), [0, 10 / 255 / 12.92, 1])
 
 
 def test_cornell_box_faces_its_inside():

@@ -1,1 +1,96 @@
-"""The command line."""
+"""The command line: `luxel COMMAND`, one file a command. Nothing heavy is imported before a command needs it."""
+
+from __future__ import annotations
+
+import os
+import sys
+import warnings
+from collections.abc import Sequence
+
+from luxel.errors import LuxelError
+
+INTERRUPTED = 130
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code.
+
+    0: done. 1: something unexpected, or `diff` found a difference. 2: wrong input. 130: interrupted.
+
+    Args:
+        arguments: Words after `luxel`; None takes the process's own.
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    if "--traceback" in words:  # it may stand anywhere
+        words.remove("--traceback")
+        words.insert(0, "--traceback")
+    with warnings.catch_warnings():
+        _show_warnings_on_one_line()
+        code = _guarded(words)
+        return _flushed(code)
+
+
+def _guarded(words: list[str]) -> int:
+    from luxel.cli.app import command
+
+    try:
+        result = command().main(words, prog_name="luxel", standalone_mode=False)
+        code = result if isinstance(result, int) else 0
+    except SystemExit as leaving:  # a reader that went away (typer's answer to EPIPE)
+        return leaving.code if isinstance(leaving.code, int) else 1
+    except KeyboardInterrupt:
+        code = INTERRUPTED
+    except LuxelError as error:
+        return _fail(str(error), 2, words, error)
+    except OSError as error:
+        return _fail(f"{error.filename}: {error.strerror}" if error.filename else str(error), 2, words, error)
+    except Exception as error:
+        usage = getattr(error, "format_message", None)  # typer's own errors, wherever this version of it keeps them
+        if usage:
+            return _fail(_suggested(error, usage()), 2, words, error)
+        what = str(error) or "no message"
+        return _fail(f"unexpected {type(error).__name__}: {what} (--traceback shows where)", 1, words, error)
+    if code == INTERRUPTED:
+        print("luxel: interrupted", file=sys.stderr)  # noqa: T201
+    return code
+
+
+def _suggested(error: Exception, message: str) -> str:
+    name, near = getattr(error, "option_name", None), getattr(error, "possibilities", None)
+    if name and near:
+        return f"No such option {name}. Did you mean {' or '.join(near)}?"
+    return message
+
+
+def _fail(message: str, code: int, words: list[str], error: BaseException) -> int:
+    if "--traceback" in words[:1]:
+        import traceback
+
+        traceback.print_exception(error)
+    print("luxel: error:", " ".join(message.split()), file=sys.stderr)  # noqa: T201
+    return code
+
+
+def _show_warnings_on_one_line() -> None:
+    from luxel.errors import LuxelWarning
+
+    told: set[str] = set()
+
+    def show(message: Warning | str, category: type[Warning], *rest: object) -> None:
+        line = " ".join(str(message).split())
+        if line not in told:
+            told.add(line)
+            print("luxel: warning:", line, file=sys.stderr)  # noqa: T201
+
+    warnings.showwarning = show  # type: ignore[assignment]
+    warnings.simplefilter("always", LuxelWarning)
+
+
+def _flushed(code: int) -> int:
+    """`code`, after the last of stdout is out; quiet when nobody reads it any more."""
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return code or 1
+    return code

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from luxel.arrays import Array
 from luxel.scene.camera import Camera
+from luxel.scene.colour import linear_from_srgb
 from luxel.scene.material import Material
 from luxel.scene.mesh import Mesh
 from luxel.scene.scene import Scene
@@ -29,13 +29,7 @@ def two_triangles() -> Scene:
     scene = Scene(name="two-triangles")
     material = Material(base_color=(1.0, 1.0, 1.0, 1.0), shading="unlit", double_sided=True, name="vertex colours")
     for name, corners, color in _TRIANGLES:
-        colors = np.broadcast_to([*linear_from_srgb8(color), 1.0], (3, 4))
+        colors = np.broadcast_to([*linear_from_srgb(np.uint8(color)), 1.0], (3, 4))
         scene.add(Mesh(np.array(corners), np.array([[0, 1, 2]]), colors=colors, name=name), material)
     scene.cameras.append(Camera.look_at((0, 0, 5), (0, 0, 4), yfov=np.radians(45.0), near=0.1, far=50.0, name="paper"))
     return scene
-
-
-def linear_from_srgb8(color: object) -> Array:
-    """float64 0..1 in linear light from sRGB bytes 0..255 (IEC 61966-2-1)."""
-    c = np.asarray(color, np.float64) / 255
-    return np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)

@@ -1,0 +1,137 @@
+"""What `luxel render` and `luxel demo` share: which values there are, which camera is meant, and one call to draw."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from luxel.cli import values
+from luxel.errors import InputError
+from luxel.scene import Camera, Material, Scene, TextureRef
+from luxel.scene.framing import AZIMUTH, ELEVATION, YFOV, frame, turntable
+
+EXTENSIONS = (".png", ".jpg", ".jpeg", ".exr", ".npz")
+SAMPLES = (1, 2, 4, 8, 16)
+STREAMED = 64_000_000  # pixels: a picture with more is never held whole
+
+
+@dataclass
+class View:
+    """The camera options as they were typed; angles in degrees, None where they were not."""
+
+    camera: str | None = None
+    azimuth: float | None = None
+    elevation: float | None = None
+    distance: float | None = None
+    fov: float | None = None
+    eye: str | None = None
+    target: str | None = None
+    up: str | None = None
+    ortho: str | None = None
+    turntable: int | None = None
+
+    def __post_init__(self) -> None:
+        framed = [self.azimuth, self.elevation, self.distance]
+        if self.camera is not None and any(v is not None for v in (*framed, self.eye, self.ortho, self.turntable)):
+            raise InputError("--camera takes a camera of the file: it goes with --fov, not with another camera option")
+        if self.eye is not None and any(v is not None for v in (*framed, self.turntable)):
+            raise InputError("--eye goes with --target, --up, --fov and --ortho, not with what frames the scene")
+        if self.target is not None and self.eye is None:
+            raise InputError("--target needs --eye: where the camera stands")
+        if self.fov is not None and not 0 < self.fov < 180:
+            raise InputError(f"--fov: expected degrees between 0 and 180, got {self.fov:g}")
+        if self.fov is not None and self.ortho is not None:
+            raise InputError("--fov and --ortho: an orthographic camera has no field of view")
+
+    def cameras(self, scene: Scene, size: tuple[int, int]) -> list[Camera]:
+        """The cameras meant, for pictures of `size` (width, height)."""
+        if self.camera is not None:
+            return [self._lens(_named(scene, self.camera))]
+        if self.eye is not None:
+            return [self._placed(scene)]
+        asked = (self.azimuth, self.elevation, self.distance, self.up, self.ortho, self.turntable)
+        if all(v is None for v in asked):
+            return [self._lens(scene.cameras[0]) if scene.cameras else frame(scene, size=size, yfov=self._yfov())]
+        options: dict[str, Any] = {
+            "azimuth": AZIMUTH if self.azimuth is None else np.radians(self.azimuth),
+            "elevation": ELEVATION if self.elevation is None else np.radians(self.elevation),
+            "distance": self.distance,
+            "yfov": self._yfov(),
+            "size": size,
+            "height": self._height(),
+            "up": self._up(),
+        }
+        return [frame(scene, **options)] if self.turntable is None else turntable(scene, self.turntable, **options)
+
+    def _yfov(self) -> float | None:
+        if self.ortho is not None:
+            return None
+        return YFOV if self.fov is None else float(np.radians(self.fov))
+
+    def _height(self) -> float | None:
+        if self.ortho in (None, "fit"):
+            return None
+        try:
+            height = float(self.ortho)  # type: ignore[arg-type]
+        except ValueError:
+            height = 0.0
+        if not (height > 0 and np.isfinite(height)):
+            raise InputError(f"--ortho: expected the height of the picture in metres, or fit, got {self.ortho!r}")
+        return height
+
+    def _up(self) -> tuple[float, float, float]:
+        return values.vector(self.up or "y", "--up")
+
+    def _lens(self, camera: Camera) -> Camera:
+        if self.fov is None:
+            return camera
+        return Camera(camera.world_from_camera, yfov=self._yfov(), near=max(camera.near, 1e-6), name=camera.name)
+
+    def _placed(self, scene: Scene) -> Camera:
+        assert self.eye is not None
+        eye = values.vector(self.eye, "--eye")
+        bounds = scene.bounds()
+        target = bounds.mean(0) if self.target is None else values.vector(self.target, "--target")
+        reach = float(np.linalg.norm(bounds - eye, axis=1).max()) + float(np.linalg.norm(bounds[1] - bounds[0])) + 1e-3
+        if self.ortho is None:
+            return Camera.look_at(eye, target, self._up(), yfov=self._yfov(), near=1e-4 * reach)
+        height = self._height() or float(np.linalg.norm(bounds[1] - bounds[0])) or 1.0
+        return Camera.look_at(eye, target, self._up(), yfov=None, height=height, near=0.0, far=reach)
+
+
+def _named(scene: Scene, word: str) -> Camera:
+    known = [camera.name or str(i) for i, camera in enumerate(scene.cameras)]
+    if not known:
+        raise InputError("--camera: the file has no camera; --azimuth and --elevation frame the scene")
+    if word.isdigit() and word not in known:
+        if int(word) < len(known):
+            return scene.cameras[int(word)]
+        raise InputError(f"--camera: expected a number of 0 .. {len(known) - 1} or a name, got {word}")
+    return scene.cameras[known.index(values.choice(word, known, "--camera"))]
+
+
+def with_lightmap(scene: Scene, path: Path) -> None:
+    """Give every mesh that has lightmap coordinates the picture at `path` as its lightmap.
+
+    A float picture (.exr, .hdr) is irradiance E in W/m2; an 8-bit one is E / pi: where it is white the
+    bare colour shows.
+    """
+    from luxel.io.images import read_image
+    from luxel.scene.material import Texture
+
+    meshes = [mesh for mesh in scene.meshes if mesh.texcoords1 is not None]
+    if not meshes:
+        raise InputError("--lightmap: no mesh of the file has lightmap coordinates (TEXCOORD_1)")
+    image = read_image(path)
+    scale = float(np.pi) if image.dtype == np.uint8 else 1.0
+    scene.textures.append(Texture(image, wrap=("clamp", "clamp"), filter="bilinear", name=path.name))
+    for mesh in meshes:
+        if mesh.material < 0:
+            scene.materials.append(Material())
+            mesh.material = len(scene.materials) - 1
+        material = scene.materials[mesh.material]
+        material.lightmap_texture = TextureRef(len(scene.textures) - 1, texcoord=1)
+        material.lightmap_scale = scale

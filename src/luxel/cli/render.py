@@ -1,0 +1,196 @@
+"""luxel render: a file to a picture."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from luxel.cli import values
+from luxel.cli.console import Console, Json, Quiet, seconds
+
+if TYPE_CHECKING:
+    from luxel.cli.drawing import View
+    from luxel.scene import Camera, Scene
+
+EXAMPLE = "luxel render model.glb -o model.png --size 1920x1080 --samples 8 --azimuth 45"
+
+_SHADINGS = ("flat", "gouraud", "phong", "pbr", "unlit")
+_FILTERS = ("box", "tent", "gaussian", "mitchell", "blackman-harris")
+_OUTPUTS = (
+    "color",
+    "linear",
+    "depth",
+    "triangle",
+    "object",
+    "material",
+    "normal",
+    "position",
+    "barycentric",
+    "texcoord",
+)
+
+
+def _option(heading: str | None, *names: str, metavar: str, help: str, **more: Any) -> Any:
+    shown = heading != "Camera"  # their defaults depend on each other and stand in the text
+    return typer.Option(*names, metavar=metavar, help=help, rich_help_panel=heading, show_default=shown, **more)
+
+
+_kinds = "A .glb, .gltf, .obj, .ply, .stl or .off."
+_pictures = "The picture: .png, .jpg, .exr (layers) or .npz (arrays)."
+File = Annotated[Path, typer.Argument(metavar="FILE", help=_kinds, show_default=False)]
+Output = Annotated[Path, _option(None, "-o", "--output", metavar="OUT", help=_pictures)]
+Size = Annotated[str, _option(None, "--size", metavar="WxH", help="Pixels; one number makes a square.")]
+Outputs = Annotated[str, _option(None, "--outputs", metavar="LIST", help=f"For .exr and .npz: {', '.join(_OUTPUTS)}.")]
+Threads = Annotated[int | None, _option(None, "--threads", metavar="N", help="Of the processor [all].", min=1)]
+
+_camera = partial(_option, "Camera")
+NamedCamera = Annotated[
+    str | None, _camera("--camera", metavar="NAME", help="One of the file's, or its number [the first].")
+]
+Azimuth = Annotated[
+    float | None, _camera("--azimuth", metavar="DEG", help="Frame from this side: 0 front, 90 right [30].")
+]
+Elevation = Annotated[float | None, _camera("--elevation", metavar="DEG", help="And from so high, -90 to 90 [20].")]
+Distance = Annotated[float | None, _camera("--distance", metavar="M", help="And from so far [what fits the picture].")]
+Fov = Annotated[float | None, _camera("--fov", metavar="DEG", help="Vertical field of view [40, or the camera's].")]
+Eye = Annotated[str | None, _camera("--eye", metavar="X,Y,Z", help="Or stand here ...")]
+Target = Annotated[str | None, _camera("--target", metavar="X,Y,Z", help="... and look there [the middle].")]
+Up = Annotated[str | None, _camera("--up", metavar="AXIS", help="What is up: y, z or X,Y,Z [y].")]
+Ortho = Annotated[str | None, _camera("--ortho", metavar="M", help="Orthographic, so many metres high, or fit.")]
+Turntable = Annotated[
+    int | None, _camera("--turntable", metavar="N", help="N pictures around: OUT_000.png, OUT_001.png ...")
+]
+
+_sampling = partial(_option, "Sampling")
+Samples = Annotated[int, _sampling("--samples", metavar="N", help="Samples a pixel: 1, 2, 4, 8 or 16.")]
+Pattern = Annotated[str, _sampling("--pattern", metavar="NAME", help="Where they lie: standard, or grid (of 4).")]
+Ssaa = Annotated[int, _sampling("--ssaa", metavar="N", help="Shade N x N times in each pixel.", min=1)]
+Filter = Annotated[str, _sampling("--filter", metavar="NAME", help=f"From samples to pixels: {', '.join(_FILTERS)}.")]
+
+_look = partial(_option, "Look")
+_shadings = f"{', '.join(_SHADINGS)} [what the material asks for]."
+Shading = Annotated[str | None, _look("--shading", metavar="NAME", help=_shadings)]
+Background = Annotated[str, _look("--background", metavar="COLOR", help="'#rrggbb', a name, or none (transparent).")]
+Cull = Annotated[str, _look("--cull", metavar="WHAT", help="Hide back faces: material (as it says), back or none.")]
+Exposure = Annotated[float, _look("--exposure", metavar="EV", help="Brighter by so many stops.")]
+Lightmap = Annotated[Path | None, _look("--lightmap", metavar="FILE", help="A baked picture for TEXCOORD_1.")]
+_creases = "Where normals are made, edges sharper than this stay [50]."
+CreaseAngle = Annotated[float | None, _look("--crease-angle", metavar="DEG", help=_creases)]
+
+
+def render(
+    file: File,
+    output: Output,
+    size: Size = "1280x720",
+    outputs: Outputs = "color",
+    threads: Threads = None,
+    camera: NamedCamera = None,
+    azimuth: Azimuth = None,
+    elevation: Elevation = None,
+    distance: Distance = None,
+    fov: Fov = None,
+    eye: Eye = None,
+    target: Target = None,
+    up: Up = None,
+    ortho: Ortho = None,
+    turntable: Turntable = None,
+    samples: Samples = 4,
+    pattern: Pattern = "standard",
+    ssaa: Ssaa = 1,
+    filter: Filter = "box",
+    shading: Shading = None,
+    background: Background = "none",
+    cull: Cull = "material",
+    exposure: Exposure = 0.0,
+    lightmap: Lightmap = None,
+    crease_angle: CreaseAngle = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Draw a file, lit and anti-aliased.
+
+    It is seen by its own camera, or by one that frames it.
+    """
+    from luxel.cli.drawing import EXTENSIONS, SAMPLES, View
+
+    pixels = values.size(size)
+    view = View(camera, azimuth, elevation, distance, fov, eye, target, up, ortho, turntable)
+    options: dict[str, Any] = {
+        "samples": values.choice(samples, SAMPLES, "--samples"),
+        "pattern": values.choice(pattern, ("standard", "grid"), "--pattern"),
+        "ssaa": ssaa,
+        "filter": values.choice(filter, _FILTERS, "--filter"),
+        "shading": None if shading is None else values.choice(shading, _SHADINGS, "--shading"),
+        "cull": values.choice(cull, ("material", "back", "none"), "--cull"),
+        "background": values.background(background),
+        "outputs": values.names(outputs, _OUTPUTS, "--outputs"),
+        "exposure": exposure,
+        "threads": threads,
+    }
+    values.output(output, EXTENSIONS)
+    _draw_file(Console(quiet, as_json), file, output, pixels, view, options, lightmap, crease_angle)
+
+
+def _draw_file(
+    console: Console,
+    file: Path,
+    output: Path,
+    size: tuple[int, int],
+    view: View,
+    options: dict[str, Any],
+    lightmap: Path | None,
+    crease_angle: float | None,
+) -> None:
+    from math import radians
+
+    from luxel import load
+    from luxel.cli.drawing import with_lightmap
+
+    start = time.perf_counter()
+    scene = load(file, crease_angle=None if crease_angle is None else radians(crease_angle))
+    if lightmap is not None:
+        with_lightmap(scene, lightmap)
+    cameras = view.cameras(scene, size)
+    loaded = time.perf_counter()
+    with console.work("drawing") as report:
+        written = _draw(scene, cameras, size, output, options, view.turntable is not None, report)
+    took = {"load": loaded - start, "draw": time.perf_counter() - loaded}
+    data = {"output": [str(p) for p in written], "size": list(size), "triangles": scene.triangle_count, "seconds": took}
+    what = str(written[0]) if len(written) == 1 else f"{written[0]} .. {written[-1].name}"
+    times = f"loaded in {seconds(took['load'])}, drawn in {seconds(took['draw'])}"
+    console.result(data, f"{what}  ({size[0]}x{size[1]}, {scene.triangle_count:,} triangles; {times})")
+
+
+def _draw(
+    scene: Scene,
+    cameras: list[Camera],
+    size: tuple[int, int],
+    output: Path,
+    options: dict[str, Any],
+    numbered: bool,
+    report: Callable[[float], None],
+) -> list[Path]:
+    """Draw and write one picture a camera; the paths written."""
+    from luxel import render, render_views
+    from luxel.cli.drawing import STREAMED
+
+    if numbered:
+        digits = max(3, len(str(len(cameras) - 1)))
+        paths = [output.with_stem(f"{output.stem}_{i:0{digits}}") for i in range(len(cameras))]
+        for i, picture in enumerate(render_views(scene, cameras, size, **options)):
+            picture.save(paths[i])
+            report((i + 1) / len(cameras))
+        return paths
+    if size[0] * size[1] > STREAMED and output.suffix.lower() == ".png" and options["outputs"] == ("color",):
+        from luxel.raster.render import render_to_png
+
+        del options["outputs"]
+        render_to_png(output, scene, cameras[0], size, progress=report, **options)
+    else:
+        render(scene, cameras[0], size, progress=report, **options).save(output)
+    return [output]

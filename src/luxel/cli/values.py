@@ -1,0 +1,92 @@
+"""From the words of the command line to values, with errors that name the option and what it wants."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+from collections.abc import Collection
+from pathlib import Path
+from typing import TypeVar
+
+from luxel.errors import FileError, InputError
+
+T = TypeVar("T")
+
+
+def size(text: str) -> tuple[int, int]:
+    """ "1280x720" to (1280, 720); one number makes a square."""
+    found = re.fullmatch(r"\s*(\d+)\s*(?:[xX*,]\s*(\d+))?\s*", text)
+    width, height = (int(found[1]), int(found[2] or found[1])) if found else (0, 0)
+    if width < 1 or height < 1:
+        raise InputError(f"--size: expected WIDTHxHEIGHT in pixels, such as 1280x720, got {text!r}")
+    return width, height
+
+
+def vector(text: str, option: str) -> tuple[float, float, float]:
+    """ "1,2,-3" to three floats; x, y and z name the axes, with a minus before them if need be."""
+    axes = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+    name = text.strip().lower()
+    if name.lstrip("+-") in axes:
+        sign = -1.0 if name.startswith("-") else 1.0
+        x, y, z = (sign * c for c in axes[name.lstrip("+-")])
+        return x, y, z
+    try:
+        x, y, z = (float(word) for word in text.split(","))
+    except ValueError:
+        raise InputError(f"{option}: expected three numbers such as 1,2,-3, got {text!r}") from None
+    if not all(map(math.isfinite, (x, y, z))):
+        raise InputError(f"{option}: expected finite numbers, got {text!r}")
+    return x, y, z
+
+
+def background(text: str) -> tuple[float, float, float] | None:
+    """ "none" (transparent), a CSS colour name, or "#rgb" or "#rrggbb" in sRGB, to linear RGB."""
+    if text.strip().lower() in ("none", "transparent"):
+        return None
+    from PIL import ImageColor
+
+    from luxel.scene.colour import linear_from_srgb
+
+    word = text.strip().lower()
+    bare = re.fullmatch(r"[0-9a-f]{6}|[0-9a-f]{3}", word)  # the shell eats an unquoted "#"
+    try:
+        rgb = ImageColor.getrgb(f"#{word}" if bare and word not in ImageColor.colormap else word)[:3]
+    except ValueError:
+        near = _nearest(word, ImageColor.colormap)
+        raise InputError(f"--background: expected none, a colour name or '#rrggbb', got {text!r}{near}") from None
+    red, green, blue = (float(c) for c in linear_from_srgb([c / 255 for c in rgb]))
+    return red, green, blue
+
+
+def choice(value: T, allowed: Collection[T], option: str) -> T:
+    """`value`, if it is one of those allowed."""
+    if value not in allowed:
+        names = ", ".join(map(str, allowed))
+        raise InputError(f"{option}: expected one of {names}, got {value!r}{_nearest(str(value), map(str, allowed))}")
+    return value
+
+
+def names(text: str, allowed: Collection[str], option: str) -> tuple[str, ...]:
+    """ "color,depth" to a tuple of names, each one of those allowed, none twice."""
+    words = [word.strip() for word in text.split(",") if word.strip()]
+    if not words:
+        raise InputError(f"{option}: expected one or more of {', '.join(allowed)}, got {text!r}")
+    return tuple(dict.fromkeys(choice(word, allowed, option) for word in words))
+
+
+def output(path: Path, extensions: Collection[str], option: str = "--output") -> Path:
+    """`path`, if a file of that kind can be put there: found out before hours of work, not after."""
+    if path.suffix.lower() not in extensions:
+        wanted = ", ".join(extensions)
+        raise InputError(f"{option}: expected a file name that ends in one of {wanted}, got {str(path)!r}")
+    if path.is_dir():
+        raise FileError(path, "cannot write: it is a folder")
+    if not path.parent.is_dir():
+        raise FileError(path, f"cannot write: there is no folder {str(path.parent)!r}")
+    return path
+
+
+def _nearest(word: str, known: object) -> str:
+    near = difflib.get_close_matches(word, list(known), 1)  # type: ignore[call-overload]
+    return f"; did you mean {near[0]}?" if near else ""
