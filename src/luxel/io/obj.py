@@ -9,7 +9,6 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -19,12 +18,14 @@ from luxel.io.build import build_mesh, turned
 from luxel.io.files import read_bytes, tell
 from luxel.io.mtl import Library
 from luxel.io.polygons import triangulate, unify
-from luxel.io.text import table_lines, words_per_line
+from luxel.io.text import parse, table_lines, words_per_line
 from luxel.scene.colour import linear_from_srgb
 from luxel.scene.mesh import Mesh
 from luxel.scene.scene import Instance, Scene
 
 _VERTEX_KEYS = {b"v": 3, b"vt": 1, b"vn": 3}  # and the least numbers on a line
+_CORNER = re.compile(rb"([^\s/]+)(?:/([^\s/]*))?(?:/([^\s/]*))?")
+_NOWHERE = 2**40  # an index before the first: out of range, not left out
 _KNOWN = {b"f", b"o", b"usemtl", b"mtllib", b"g", b"s", b"l", b"p", b"vp", b""}
 
 
@@ -81,19 +82,10 @@ def load(path: Path) -> Scene:
     scene = Scene(name=path.stem)
     library = Library(scene, path.parent, path.name)
     vertices, parts = _scan(lines, library, path.name)
-    tables = {key: _table(lines, path.name, key, runs) for key, runs in vertices.items()}
-    before = {key: np.cumsum([0] + [b - a for a, b in runs]) for key, runs in vertices.items()}
-    at = {key: np.array([a for a, _ in runs], np.int64) for key, runs in vertices.items()}
-
-    def count_before(key: bytes, line: Array) -> Array:
-        run = np.searchsorted(at[key], line)  # a line of faces never lies inside a run of vertices
-        return before[key][run]
-
-    positions, colors = _positions(tables[b"v"])
-    whole = len(parts) == 1
+    tables = _Tables(lines, path.name, vertices)
     for part in parts:
         material = -1 if part.material is None else library.number(part.material)
-        mesh = _mesh(lines, path.name, part, tables, positions, colors, count_before, whole)
+        mesh = _mesh(tables, part, whole=len(parts) == 1)
         mesh.material = material
         scene.meshes.append(mesh)
         scene.instances.append(Instance(len(scene.meshes) - 1, object=part.object, name=part.name))
@@ -144,34 +136,41 @@ def _library_names(text: str, folder: Path) -> list[str]:
     return several if len(several) > 1 and not (folder / text).exists() else [text]
 
 
-def _parse(text: bytes, dtype: type, lines: _Lines, where: str, runs: list[tuple[int, int]]) -> Array:
-    """All numbers of `text`; the first line that holds something else is named."""
-    try:
-        return np.fromstring(text, dtype, sep=" ")
-    except (ValueError, DeprecationWarning):
-        numbers = [line for a, b in runs for line in range(a, b)]
-        for line, content in zip(numbers, text.split(b"\n"), strict=False):
-            try:
-                [dtype(word) for word in content.split()]
-            except (ValueError, OverflowError):
-                shown = lines.text[lines.starts[line] : lines.starts[line + 1]].decode("utf-8", "replace").strip()[:80]
-                raise FileError(f"{where}, line {line + 1}", f"expected numbers, got {shown!r}") from None
-        raise
+class _Tables:
+    """The vertex data of the whole file, which the faces index."""
+
+    def __init__(self, lines: _Lines, where: str, runs: dict[bytes, list[tuple[int, int]]]) -> None:
+        self.lines, self.where = lines, where
+        self.arrays = {key: self._table(key, runs[key]) for key in _VERTEX_KEYS}
+        self.positions, self.colors = _positions(self.arrays[b"v"])
+        self._starts = {key: np.array([a for a, _ in runs[key]], np.int64) for key in _VERTEX_KEYS}
+        self._before = {key: np.cumsum([0, *(b - a for a, b in runs[key])]) for key in _VERTEX_KEYS}
+
+    def _table(self, key: bytes, runs: list[tuple[int, int]]) -> Array:
+        """(lines, widest) float64: the numbers of all lines `key`; NaN where a line has fewer than the longest."""
+        least = _VERTEX_KEYS[key]
+        if not runs:
+            return np.zeros((0, least))
+        text = self.lines.block(runs, key)
+        counts = words_per_line(text)
+        if int(counts.min()) < least:
+            at = _file_line(runs, int(counts.argmin()))
+            raise FileError(f"{self.where}, line {at}", f"`{key.decode()}` needs {least} numbers, got {counts.min()}")
+        values = parse(text, float, self.where, lambda k: _file_line(runs, k), int(counts.sum()))
+        return table_lines(values, counts)
+
+    def seen(self, key: bytes, line: Array) -> Array:
+        """How many lines `key` stand before each `line` (of faces, so never inside a run of vertices)."""
+        return self._before[key][np.searchsorted(self._starts[key], line)]
 
 
-def _table(lines: _Lines, where: str, key: bytes, runs: list[tuple[int, int]]) -> Array:
-    """(lines, widest) float64: the numbers of all lines `key`; NaN where a line has fewer than the longest."""
-    if not runs:
-        return np.zeros((0, _VERTEX_KEYS[key]))
-    text = lines.block(runs, key)
-    counts = words_per_line(text)
-    short = np.flatnonzero(counts < _VERTEX_KEYS[key])
-    if len(short):
-        line = [line for a, b in runs for line in range(a, b)][short[0]]
-        raise FileError(
-            f"{where}, line {line + 1}", f"`{key.decode()}` needs {_VERTEX_KEYS[key]} numbers, got {counts[short[0]]}"
-        )
-    return table_lines(_parse(text, float, lines, where, runs), counts)
+def _file_line(runs: list[tuple[int, int]], k: int) -> int:
+    """The number, from 1, of the k-th line of `runs` in the file."""
+    for begin, end in runs:
+        if k < end - begin:
+            return begin + k + 1
+        k -= end - begin
+    return 0
 
 
 def _positions(table: Array) -> tuple[Array, Array | None]:
@@ -188,83 +187,73 @@ def _positions(table: Array) -> tuple[Array, Array | None]:
 
 
 def _corners(lines: _Lines, where: str, runs: list[tuple[int, int]]) -> tuple[Array, Array]:
-    """Corners of each face line (f,), and the references of all corners (k, 3) to v, vt, vn, as written; 0 where left out."""
+    """Corners of each face line (f,), and what all corners (k, 3) name of v, vt and vn, as written; 0 where left out."""
     text = lines.block(runs, b"f")
     counts = words_per_line(text)
-    if b"/" not in text:
-        flat = _parse(text, int, lines, where, runs)
-        return counts, np.stack([flat, np.zeros_like(flat), np.zeros_like(flat)], 1)
-    spread = text.replace(b"//", b"/0/").replace(b"/", b" ")
-    numbers = words_per_line(spread)
-    each = int(numbers.sum()) // max(int(counts.sum()), 1)
-    if each not in (2, 3) or not np.array_equal(numbers, each * counts) or re.search(rb"/\s", text):
-        spread = re.sub(
-            rb"([^\s/]+)(?:/([^\s/]*))?(?:/([^\s/]*))?",
-            lambda m: b"%b %b %b" % (m[1], m[2] or b"0", m[3] or b"0"),
-            text,
-        )
-        each = 3
-        if not np.array_equal(words_per_line(spread), 3 * counts):
-            raise FileError(where, "a face reference has more than three parts")
-    flat = _parse(spread, int, lines, where, runs).reshape(-1, each)
-    return counts, flat if each == 3 else np.concatenate([flat, np.zeros_like(flat[:, :1])], 1)
+    spread, each = text, 1
+    if b"/" in text:
+        spread = text.replace(b"//", b"/0/").replace(b"/", b" ")
+        each = int(words_per_line(spread).sum()) // max(int(counts.sum()), 1)
+        if each not in (2, 3) or not np.array_equal(words_per_line(spread), each * counts) or re.search(rb"/\s", text):
+            spread, each = _CORNER.sub(lambda m: b"%b %b %b" % (m[1], m[2] or b"0", m[3] or b"0"), text), 3
+    wrong = np.flatnonzero(words_per_line(spread) != each * counts)
+    if len(wrong):
+        at = _file_line(runs, int(wrong[0]))
+        shown = text.split(b"\n")[int(wrong[0])].strip()[:80].decode("utf-8", "replace")
+        raise FileError(f"{where}, line {at}", f"expected corners of the form v, v/vt, v//vn or v/vt/vn, got {shown!r}")
+    flat = parse(spread, int, where, lambda k: _file_line(runs, k), each * int(counts.sum()))
+    references = np.zeros((int(counts.sum()), 3), np.int64)
+    references[:, :each] = flat.reshape(-1, each)
+    return counts, references
 
 
-def _mesh(
-    lines: _Lines,
-    where: str,
-    part: _Part,
-    tables: dict[bytes, Array],
-    positions: Array,
-    colors: Array | None,
-    count_before: Any,
-    whole: bool,
-) -> Mesh:
-    """The mesh of one part; `whole` keeps the file's vertices as they are where faces index nothing else."""
-    counts, references = _corners(lines, where, part.runs)
+def _resolved(tables: _Tables, runs: list[tuple[int, int]]) -> tuple[Array, Array]:
+    """As `_corners`, counted from 0: relative indices made absolute; below 0 where left out."""
+    counts, references = _corners(tables.lines, tables.where, runs)
     if references.size and int(references.min()) < 0:
-        line = np.concatenate([np.arange(a, b) for a, b in part.runs])
+        line = np.concatenate([np.arange(a, b) for a, b in runs])
         for k, key in enumerate(_VERTEX_KEYS):
-            seen = np.repeat(count_before(key, line), counts)
-            references[:, k] = np.where(references[:, k] < 0, references[:, k] + seen + 1, references[:, k])
+            seen = np.repeat(tables.seen(key, line), counts)
+            column = references[:, k]
+            references[:, k] = np.where(column < 0, np.where(column + seen < 0, _NOWHERE, column + seen + 1), column)
+    return counts, references - 1
+
+
+def _mesh(tables: _Tables, part: _Part, whole: bool) -> Mesh:
+    """The mesh of one part; `whole` keeps the file's vertices as they are where faces index nothing else."""
+    where, name = tables.where, part.name or part.material or ""
+    positions, colors = tables.positions, tables.colors
+    counts, references = _resolved(tables, part.runs)
     few = int(np.count_nonzero(counts < 3))
     if few:
         tell(where, f"{few} faces with fewer than 3 corners are dropped")
-    vertex = references[:, 0] - 1
-    cut = (
-        triangulate(counts, np.clip(vertex, 0, max(len(positions) - 1, 0)), positions)
-        if len(positions)
-        else np.zeros((0, 3), np.int64)
-    )
-    name = part.name or part.material or ""
-    corners, used = cut.reshape(-1), [0]
+    vertex = references[:, 0]
     good = (vertex >= 0) & (vertex < len(positions))
+    if not len(positions):
+        return build_mesh(where, positions, np.full((int(np.maximum(counts - 2, 0).sum()), 3), -1), name=name)
+    cut = triangulate(counts, np.where(good, vertex, 0), positions)
+    corners = cut.reshape(-1)
+    columns = {b"v": np.where(good, vertex, 0)[corners]}
     for k, key in ((1, b"vt"), (2, b"vn")):
-        column = references[:, k] - 1
-        if len(tables[key]) and (column[corners] >= 0).any():
-            inside = (column >= 0) & (column < len(tables[key]))
-            if inside[corners].all():
-                used.append(k)
-            else:
-                tell(
-                    where,
-                    f"{np.count_nonzero(~inside[corners])} corners have no proper {key.decode()}; all {key.decode()} of {name!r} are dropped",
-                )
-    if used == [0] and whole:
+        column, rows = references[corners, k], len(tables.arrays[key])
+        if rows and (column >= 0).any():
+            beyond = int(np.count_nonzero(column >= rows))
+            if beyond:
+                tell(where, f"{beyond} corners name a {key.decode()} that is not there")
+            columns[key] = np.where((column >= 0) & (column < rows), column, rows)  # `rows`: a filler
+    if len(columns) == 1 and whole:
         return build_mesh(where, positions, vertex[cut], colors=colors, name=name)
-    columns = [np.where(good, references[:, k] - 1, 0)[corners] for k in used]
-    first, number = unify(columns)
+    first, number = unify(list(columns.values()))
     triangles = np.where(good[corners], number, -1).reshape(-1, 3)
-    source = {k: column[first] for k, column in zip(used, columns, strict=True)}
+    source = {key: column[first] for key, column in columns.items()}
     texcoords = normals = None
-    if 1 in used:
-        texcoords = np.zeros((len(first), 2))
-        table = np.nan_to_num(tables[b"vt"][:, :2], nan=0.0)
-        texcoords[:, : table.shape[1]] = table[source[1]]
-        texcoords = turned(texcoords)
-    if 2 in used:
-        normals = tables[b"vn"][source[2], :3]
-    picked = None if colors is None else colors[source[0]]
-    return build_mesh(
-        where, positions[source[0]], triangles, texcoords=texcoords, normals=normals, colors=picked, name=name
-    )
+    if b"vt" in source:
+        table = np.nan_to_num(tables.arrays[b"vt"][:, :2], nan=0.0)
+        texcoords = np.zeros((len(table) + 1, 2))
+        texcoords[:-1, : table.shape[1]] = table
+        texcoords = turned(texcoords[source[b"vt"]])
+    if b"vn" in source:
+        normals = np.append(tables.arrays[b"vn"][:, :3], [[0.0, 0.0, 0.0]], 0)[source[b"vn"]]
+    picked = None if colors is None else colors[source[b"v"]]
+    at = positions[source[b"v"]]
+    return build_mesh(where, at, triangles, texcoords=texcoords, normals=normals, colors=picked, name=name)

@@ -14,7 +14,7 @@ from luxel.io.build import build_mesh, turned
 from luxel.io.files import atomic_write, read_bytes, tell
 from luxel.io.flatten import flatten
 from luxel.io.polygons import triangulate
-from luxel.io.text import table_lines, words_per_line
+from luxel.io.text import parse, table_lines, words_per_line
 from luxel.scene.colour import bytes_from_linear, linear_from_srgb
 from luxel.scene.mesh import Mesh
 from luxel.scene.scene import Scene
@@ -40,19 +40,12 @@ def load(path: Path) -> Scene:
     words = words_per_line(body)
     if rows + faces > len(words):
         raise FileError(where, f"{rows} vertices and {faces} faces need {rows + faces} lines, {len(words)} are left")
-    values = _numbers(body, where)
+    values = parse(body, float, where, expected=int(words.sum()))
     scene = Scene(name=path.stem)
     place = int(words[:rows].sum())
     vertices = _vertices(values[:place], words[:rows], header, where)
     scene.add(_mesh(where, vertices, values[place:], words[rows : rows + faces]))
     return scene
-
-
-def _numbers(body: bytes, where: str) -> Array:
-    try:
-        return np.fromstring(body, np.float64, sep=" ")
-    except (ValueError, DeprecationWarning):
-        raise FileError(where, "a line that does not hold numbers only") from None
 
 
 def _vertices(values: Array, words: Array, header: re.Match[bytes], where: str) -> dict[str, Any]:
@@ -83,7 +76,9 @@ def _mesh(where: str, vertices: dict[str, Any], values: Array, words: Array) -> 
     bad = np.flatnonzero(~((heads >= 0) & (heads == np.floor(heads)) & (heads < words)))
     if len(bad):
         first = int(bad[0])
-        raise FileError(f"{where}, face {first}", f"a count of {heads[first]:g} and {int(words[first]) - 1} numbers after it")
+        raise FileError(
+            f"{where}, face {first}", f"a count of {heads[first]:g} and {int(words[first]) - 1} numbers after it"
+        )
     counts: Array = heads.astype(np.int64)
     if (words > counts + 1).any():
         tell(where, "colours of faces are ignored")

@@ -20,6 +20,7 @@ from luxel.io.build import build_mesh, turned
 from luxel.io.files import atomic_write, tell
 from luxel.io.flatten import flatten
 from luxel.io.polygons import strip, triangulate, unify
+from luxel.io.text import parse
 from luxel.scene.colour import bytes_from_linear, linear_from_srgb
 from luxel.scene.material import Material, TextureRef
 from luxel.scene.mesh import Mesh
@@ -125,7 +126,11 @@ def _read_header(file: IO[bytes], where: str) -> tuple[str, list[_Element], str]
 
 def _property(words: list[str], order: str, at: str) -> _Property:
     kinds = words[2:4] if words[1:2] == ["list"] else words[1:2]
-    if len(words) != len(kinds) + (3 if len(kinds) == 2 else 2) or any(kind not in _DTYPES for kind in kinds):
+    if (
+        not kinds
+        or len(words) != len(kinds) + (3 if len(kinds) == 2 else 2)
+        or any(kind not in _DTYPES for kind in kinds)
+    ):
         raise FileError(
             at, f"expected `property TYPE NAME` or `property list TYPE TYPE NAME`, got {' '.join(words)[:80]!r}"
         )
@@ -258,7 +263,10 @@ def _gather(raw: Array, begin: Array, counts: Array, dtype: np.dtype[Any]) -> Ar
 
 def _ascii_reader(file: IO[bytes], path: Path) -> Callable[[_Element], _Columns]:
     """A function that reads the next element from the numbers of the whole body."""
-    values = np.fromstring(file.read(), np.float64, sep=" ")
+    begin = file.tell()
+    file.seek(0)
+    before = file.read(begin).count(b"\n")
+    values = parse(file.read(), float, path.name, lambda k: before + k + 1)
     place = 0
 
     def read(element: _Element) -> _Columns:
@@ -372,7 +380,9 @@ def _triangles(where: str, columns: dict[str, _Columns], positions: Array) -> tu
         return np.zeros((0, 3), np.int32), np.zeros(0, np.int32), None
     flat = _integers(lists.values, f"{where}, element face")
     uv = face.get("texcoord")
-    texcoords = uv.values.reshape(-1, 2) if isinstance(uv, _Lists) and np.array_equal(uv.counts, 2 * lists.counts) else None
+    texcoords = (
+        uv.values.reshape(-1, 2) if isinstance(uv, _Lists) and np.array_equal(uv.counts, 2 * lists.counts) else None
+    )
     if len(flat) == 3 * len(lists.counts) and (lists.counts == 3).all():
         return flat.reshape(-1, 3), flat, texcoords
     few = int(np.count_nonzero(lists.counts < 3))

@@ -12,6 +12,7 @@ from luxel.errors import FileError
 from luxel.io.build import build_mesh
 from luxel.io.files import atomic_write, read_bytes, tell
 from luxel.io.flatten import flatten
+from luxel.io.text import parse
 from luxel.scene.mesh import Mesh
 from luxel.scene.normals import weld
 from luxel.scene.scene import Scene
@@ -65,10 +66,7 @@ def _ascii(raw: Array, where: str) -> list[tuple[str, Array]]:
                 raise FileError(where, f"expected `solid`, got {part.strip()[:40].decode('utf-8', 'replace')!r}")
             continue
         numbers = b" ".join(re.findall(rb"(?i)\bvertex\s+([^\n]*)", part))
-        try:
-            values = np.fromstring(numbers, np.float64, sep=" ")
-        except (ValueError, DeprecationWarning):
-            raise FileError(where, "a vertex line that does not hold numbers only") from None
+        values = parse(numbers, float, f"{where}, a vertex")
         facets = len(re.findall(rb"(?i)\bfacet\s+normal", part))
         if len(values) != 9 * facets:
             raise FileError(where, f"{facets} facets need {9 * facets} coordinates, got {len(values)}")

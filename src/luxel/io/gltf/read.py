@@ -33,7 +33,11 @@ _SUPPORTED = {
     "MOZ_lightmap",
 }
 
-_INSTANCE_COLUMNS = (("TRANSLATION", "VEC3", (0, 0, 0)), ("ROTATION", "VEC4", (0, 0, 0, 1)), ("SCALE", "VEC3", (1, 1, 1)))
+_INSTANCE_COLUMNS = (
+    ("TRANSLATION", "VEC3", (0, 0, 0)),
+    ("ROTATION", "VEC4", (0, 0, 0, 1)),
+    ("SCALE", "VEC3", (1, 1, 1)),
+)
 
 
 def load(path: Path) -> Scene:
