@@ -108,6 +108,9 @@ def _read_header(file: IO[bytes], where: str) -> tuple[str, list[_Element], str]
         at = f"{where}, line {number}"
         if not words or words[0] in ("ply", "obj_info"):
             continue
+        known = [p.name for p in elements[-1].properties] if words[0] == "property" and elements else [e.name for e in elements]
+        if words[0] in ("element", "property") and words[1 if words[0] == "element" else -1] in known:
+            raise FileError(at, f"{words[0]} {words[-1][:40]!r} comes twice")
         if words[0] == "format" and len(words) >= 2 and words[1] in _ORDERS:
             order = _ORDERS[words[1]]
         elif words[0] == "element" and len(words) == 3 and re.fullmatch(r"\d{1,18}", words[2]):
