@@ -12,6 +12,7 @@ from luxel.scene.builtin.bumpy import bumpy_sphere, bumpy_sphere_scene
 from luxel.scene.builtin.cornell import cornell_box
 from luxel.scene.builtin.grid import merged, surface, transformed
 from luxel.scene.builtin.paper import two_triangles
+from luxel.scene.builtin.room import room
 from luxel.scene.builtin.shapes import (
     box,
     cone,
@@ -30,6 +31,7 @@ from luxel.scene.scene import Scene
 SCENES: dict[str, Callable[[], Scene]] = {
     "bumpy-sphere": bumpy_sphere_scene,
     "cornell-box": cornell_box,
+    "room": room,
     "two-triangles": two_triangles,
 }
 
@@ -46,6 +48,7 @@ __all__ = [
     "merged",
     "plane",
     "quad",
+    "room",
     "sphere",
     "superellipsoid",
     "surface",

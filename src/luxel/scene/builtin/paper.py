@@ -29,7 +29,7 @@ def two_triangles() -> Scene:
     scene = Scene(name="two-triangles")
     material = Material(base_color=(1.0, 1.0, 1.0, 1.0), shading="unlit", double_sided=True, name="vertex colours")
     for name, corners, color in _TRIANGLES:
-        colors = np.broadcast_to([*linear_from_srgb(np.uint8(color)), 1.0], (3, 4))
+        colors = np.broadcast_to([*linear_from_srgb(np.array(color, np.uint8)), 1.0], (3, 4))
         scene.add(Mesh(np.array(corners), np.array([[0, 1, 2]]), colors=colors, name=name), material)
     scene.cameras.append(Camera.look_at((0, 0, 5), (0, 0, 4), yfov=np.radians(45.0), near=0.1, far=50.0, name="paper"))
     return scene

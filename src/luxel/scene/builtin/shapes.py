@@ -31,8 +31,21 @@ def plane(width: float = 1.0, depth: float = 1.0, columns: int = 1, rows: int = 
     return surface(np.stack([x, np.zeros_like(x), z], -1), name)
 
 
-def box(size: Sequence[float] = (1.0, 1.0, 1.0), bevel: float = 0.0, segments: int = 2, name: str = "box") -> Mesh:
-    """A box of `size` metres along x, y and z; with `bevel` (metres) its edges are rounded by 2 x `segments` steps.
+def box(
+    size: Sequence[float] = (1.0, 1.0, 1.0),
+    bevel: float = 0.0,
+    segments: int = 2,
+    texture_size: float | None = None,
+    name: str = "box",
+) -> Mesh:
+    """A box.
+
+    Args:
+        size: Metres along x, y and z.
+        bevel: Metres by which its edges are rounded.
+        segments: Half the steps of a rounded edge.
+        texture_size: Metres that the texture covers before it repeats; None spreads it over each face.
+        name: Of the mesh.
 
     Raises:
         InputError: The bevel is negative or more than half of the smallest side.
@@ -43,7 +56,7 @@ def box(size: Sequence[float] = (1.0, 1.0, 1.0), bevel: float = 0.0, segments: i
     inner = half - bevel
     steps = bevel * np.tan(np.linspace(0, np.pi / 4, segments + 1)) if bevel else np.zeros(1)
     ticks = [np.unique(np.concatenate([-(i + steps), i + steps])) for i in inner]
-    corner, facing, texcoords, triangles = _cube(ticks)
+    corner, facing, texcoords, triangles = _cube(ticks, texture_size)
     if not bevel:
         return Mesh(corner, triangles, facing, texcoords, name=name)
     core = np.clip(corner, -inner, inner)
@@ -83,7 +96,7 @@ def superellipsoid(
     return Mesh(positions, triangles, normalized(np.sign(corner) * gradient / half), texcoords, name=name)
 
 
-def _cube(ticks: Sequence[Array]) -> tuple[Array, Array, Array, Array]:
+def _cube(ticks: Sequence[Array], texture_size: float | None = None) -> tuple[Array, Array, Array, Array]:
     """The six faces of a box cut at `ticks` along x, y, z: corners, face normals, texture coordinates, triangles.
 
     Points of two faces along their common edge are equal to the bit, because both take them from the same ticks.
@@ -101,17 +114,17 @@ def _cube(ticks: Sequence[Array]) -> tuple[Array, Array, Array, Array]:
                 points = points[:, ::-1]
             facing = np.zeros(3)
             facing[front] = 1 if side else -1
-            s, t = np.meshgrid(_unit(u) if not mirrored else _unit(-u[::-1]), 1 - _unit(v))
+            s, t = np.meshgrid(_along(-u[::-1] if mirrored else u, texture_size), -_along(v, texture_size))
             corners.append(points.reshape(-1, 3))
             facings.append(np.broadcast_to(facing, corners[-1].shape))
-            texcoords.append(np.stack([s, t], -1).reshape(-1, 2))
+            texcoords.append(np.stack([s, t - t.min()], -1).reshape(-1, 2))
             triangles.append(start + quads(len(v), len(u)))
             start += len(corners[-1])
     return np.concatenate(corners), np.concatenate(facings), np.concatenate(texcoords), np.concatenate(triangles)
 
 
-def _unit(ticks: Array) -> Array:
-    return (ticks - ticks[0]) / (ticks[-1] - ticks[0])
+def _along(ticks: Array, texture_size: float | None) -> Array:
+    return (ticks - ticks[0]) / (texture_size or ticks[-1] - ticks[0])
 
 
 def lathe(profile: object, segments: int = 48, crease: float = CREASE, name: str = "lathe") -> Mesh:
@@ -228,7 +241,7 @@ def icosphere(radius: float = 0.5, subdivisions: int = 3, name: str = "icosphere
     return Mesh(radius * points, triangles, points, np.stack([u, v], 1), name=name)
 
 
-def tube(curve: object, radius: float | Sequence[float] = 0.05, sides: int = 16, name: str = "tube") -> Mesh:
+def tube(curve: object, radius: float | Sequence[float] | Array = 0.05, sides: int = 16, name: str = "tube") -> Mesh:
     """A tube along a curve, closed by flat ends, or a ring where the curve ends at its start.
 
     Args:
