@@ -33,8 +33,8 @@ from numba.extending import intrinsic
 from luxel.errors import InputError
 
 __all__ = [
-    "DISABLED", "array_data", "available_threads", "cache_folder", "cgutils", "checked_threads", "device", "inlined", "intrinsic", "ir", "kernel",
-    "on_compile", "parallel_kernel", "run", "take", "types",
+    "DISABLED", "array_data", "available_threads", "borrow", "cache_folder", "cgutils", "checked_threads", "device", "inlined", "intrinsic", "ir", "kernel",
+    "on_compile", "parallel_kernel", "part", "run", "take", "types",
 ]  # fmt: skip
 
 _IMPORT = re.compile(r"^\s*(?:from\s+(luxel[\w.]*)\s+import\s+([\w, ]+)|import\s+(luxel[\w.]*))", re.MULTILINE)
@@ -114,13 +114,16 @@ def device(function: Callable[..., Any]) -> Any:
     return _compiled(function)
 
 
-def inlined(function: Callable[..., Any]) -> Any:
-    """A device function pasted into its callers, for code that the compiler must see whole to vectorise.
+def part(function: Callable[..., Any]) -> Any:
+    """A device function that kernels call and Python does not: it needs no wrapper and no cache of its own, so it compiles sooner."""
+    if numba.config.DISABLE_JIT:
+        return function
+    return numba.njit(nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)(function)
 
-    Give it scalars where speed matters: handing an array to a function counts a reference up and down atomically, some 10 ns an array, even
-    when the function is inlined. Hot loops index flat arrays in place and make no views.
-    """
-    return _compiled(function, forceinline=True)
+
+def inlined(function: Callable[..., Any]) -> Any:
+    """A device function pasted into its callers, for code that the compiler must see whole to vectorise. Not to be called from Python."""
+    return _compiled(function, forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 
 def kernel(function: Callable[..., Any]) -> Any:
@@ -153,6 +156,10 @@ def array_data(context: Any, builder: Any, signature: Any, arguments: Any, which
 if DISABLED:
     _lock = threading.Lock()
 
+    def borrow(value: Any) -> Any:
+        """The same array, or named tuple of arrays, uncounted."""
+        return value
+
     def take(queue: Any) -> int:
         """The next number of the queue, from 0; each is given once."""
         with _lock:
@@ -168,6 +175,29 @@ if DISABLED:
         return np.int32(bits).view(np.float32)
 
 else:
+
+    def _without_owner(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+        if isinstance(kind, types.Array):
+            array = context.make_array(kind)(context, builder, value)
+            array.meminfo = cgutils.get_null_value(array.meminfo.type)
+            array.parent = cgutils.get_null_value(array.parent.type)
+            return array._getvalue()
+        if isinstance(kind, types.BaseTuple):
+            fields = [_without_owner(context, builder, k, builder.extract_value(value, i)) for i, k in enumerate(kind)]
+            return context.make_tuple(builder, kind, fields)
+        return value
+
+    @intrinsic
+    def borrow(typingctx: Any, value: Any) -> Any:
+        """The same array, or named tuple of arrays, uncounted: it can be handed on at no cost, and must not outlive its owner.
+
+        A kernel borrows its arguments and its own scratch before its loops, because counting references costs some 10 ns an array and call.
+        """
+
+        def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            return _without_owner(context, builder, signature.args[0], arguments[0])
+
+        return value(value), codegen
 
     @intrinsic
     def _fetch_add(typingctx: Any, queue: Any) -> Any:

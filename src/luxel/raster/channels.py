@@ -4,44 +4,50 @@ A batch is `g`: float32 (BATCH,). Channel X of fragment i is `g[X + i]`: the nam
 the compiler sees. So it knows that rows never overlap and vectorises loops over fragments without run-time checks. The pitch of the
 rows is a little more than FRAGMENTS, because rows that lie a power of two apart would fight for the same lines of the cache.
 
-The driver fills what the features of the materials and lights ask for (see `materials.NEEDS_*`); what is not asked for may hold
-anything. Units: metres, radiance W/(m2 sr), irradiance W/m2, all colours linear.
+The driver fills what the features of the materials and lights ask for (`materials.NEEDS_*`, `LightTable.punctual`); what is not
+asked for may hold anything. A batch of vertices works as well (Gouraud). Units: metres, radiance W/(m2 sr), irradiance W/m2, all
+colours linear.
 """
 
 FRAGMENTS = 256
 PITCH = FRAGMENTS + 16
 
-# In: interpolated normal, in world space, of any length; out of `surface`: unit shading normal.
+# In, with NEEDS_NORMAL: interpolated normal, in world space, of any length. Out of `surface`: unit shading normal.
 NX, NY, NZ = (PITCH * row for row in range(3))
-# In: vertex colour, linear RGBA, with NEEDS_COLOR (for Gouraud: the lit colour); out of `surface`: base colour and alpha.
-CR, CG, CB, CA = (PITCH * row for row in range(3, 7))
-# Out of `light`: outgoing radiance, not premultiplied, and alpha.
-OR, OG, OB, OA = (PITCH * row for row in range(7, 11))
-# Out of `surface`: a code of `materials`: MODEL_UNLIT, ... plus LIGHTMAPPED.
-MODEL = PITCH * 11
-# Scratch of `light`: sum of diffuse irradiance; unit vector to the light and its irradiance on the surface per unit of colour.
-ER, EG, EB = (PITCH * row for row in range(12, 15))
+# In, unless the material is unlit: 1 seen from the front, -1 from the back (turns the normal).
+FRONT = PITCH * 3
+# In, with NEEDS_COLOR: vertex colour, linear RGBA; for Gouraud the lit colour. Out of `surface`: diffuse (unlit: shown) colour and alpha.
+CR, CG, CB, CA = (PITCH * row for row in range(4, 8))
+# Out of `light`, in place of them: outgoing radiance, not premultiplied, and alpha.
+OR, OG, OB, OA = CR, CG, CB, CA
+# Out of `surface`: a code of `materials`: MODEL_UNLIT, ... plus EMISSIVE, OCCLUDED, LIGHTMAPPED.
+MODEL = PITCH * 8
+# Scratch of `light`: diffuse irradiance; specular radiance; unit vector to the light, and its irradiance per unit of its colour.
+ER, EG, EB = (PITCH * row for row in range(9, 12))
+SR, SG, SB = (PITCH * row for row in range(12, 15))
 LX, LY, LZ, LE = (PITCH * row for row in range(15, 19))
-# In: world position; unit vector to the eye; 1 seen from the front, -1 from the back (turns the normal).
-PX, PY, PZ = (PITCH * row for row in range(19, 22))
-VX, VY, VZ = (PITCH * row for row in range(22, 25))
-FRONT = PITCH * 25
-# Out of `surface`, for phong: specular factor and exponent; for pbr: metallic, roughness.
-SPR, SPG, SPB, SHININESS = (PITCH * row for row in range(26, 30))
-METALLIC, ROUGHNESS = (PITCH * row for row in range(30, 32))
-# Out of `surface`: factor of indirect light, emitted radiance, irradiance E from the lightmap.
-OCCLUSION = PITCH * 32
-EMR, EMG, EMB = (PITCH * row for row in range(33, 36))
-LMR, LMG, LMB = (PITCH * row for row in range(36, 39))
-# In: texture coordinates and their derivatives per pixel along x and y.
-U0, V0, U0X, V0X, U0Y, V0Y = (PITCH * row for row in range(39, 45))
-U1, V1, U1X, V1X, U1Y, V1Y = (PITCH * row for row in range(45, 51))
-# In: tangent with handedness (0 if the mesh has none); derivatives of the position per pixel, to build a frame without one.
-TX, TY, TZ, TW = (PITCH * row for row in range(51, 55))
-DXX, DXY, DXZ = (PITCH * row for row in range(55, 58))
-DYX, DYY, DYZ = (PITCH * row for row in range(58, 61))
-# In: geometric normal, in world space, of any length, turned to the front by the winding.
-FX, FY, FZ = (PITCH * row for row in range(61, 64))
+# Scratch of `surface`: a texture's RGBA.
+TEXR, TEXG, TEXB, TEXA = LX, LY, LZ, LE
+# In, with NEEDS_VIEW: unit vector to the eye. In, with `LightTable.punctual`: world position.
+VX, VY, VZ = (PITCH * row for row in range(19, 22))
+PX, PY, PZ = (PITCH * row for row in range(22, 25))
+# Out of `surface`, phong and pbr: specular colour (Ks; F0), and the exponent (phong) or the roughness (pbr).
+SPR, SPG, SPB, SHININESS = (PITCH * row for row in range(25, 29))
+ROUGHNESS = SHININESS
+METALLIC = PITCH * 29
+# Out of `surface`, if MODEL says so: factor of indirect light, emitted radiance, irradiance E from the lightmap.
+OCCLUSION = PITCH * 30
+EMR, EMG, EMB = (PITCH * row for row in range(31, 34))
+LMR, LMG, LMB = (PITCH * row for row in range(34, 37))
+# In, with NEEDS_UV0, NEEDS_UV1: texture coordinates and their derivatives per pixel along x and y.
+U0, V0, U0X, V0X, U0Y, V0Y = (PITCH * row for row in range(37, 43))
+U1, V1, U1X, V1X, U1Y, V1Y = (PITCH * row for row in range(43, 49))
+# In, with NEEDS_TANGENT: tangent with handedness (all 0 if the mesh has none); derivatives of the position per pixel, to build a frame.
+TX, TY, TZ, TW = (PITCH * row for row in range(49, 53))
+DXX, DXY, DXZ = (PITCH * row for row in range(53, 56))
+DYX, DYY, DYZ = (PITCH * row for row in range(56, 59))
+# In, with NEEDS_FACE: geometric normal, in world space, of any length, turned to the front by the winding.
+FX, FY, FZ = (PITCH * row for row in range(59, 62))
 
-CHANNELS = 64
+CHANNELS = 62
 BATCH = CHANNELS * PITCH

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from luxel.arrays import Array
-from luxel.jit import device, float_bits, inlined
+from luxel.jit import float_bits, inlined, part
 from luxel.raster.channels import OA, OB, OG, OR
 
 _LOW_BITS = 16
@@ -77,7 +77,7 @@ def unit_code(value: np.float32) -> np.int32:
     return np.int32(value * _FULL + _HALF)
 
 
-@device
+@part
 def encode(g: Array, n: int, exposure: np.float32, out: Array) -> None:
     """Write the first `n` fragments of a batch as pixels.
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from luxel.arrays import Array
 from luxel.errors import InputError
+from luxel.raster.mipmap import pack_textures
 from luxel.scene.material import Material, TextureRef
 from luxel.scene.scene import Scene
 
@@ -26,16 +28,16 @@ SLOTS = ("base_color", "metallic_roughness", "normal", "occlusion", "emissive", 
 BASE_SLOT, ROUGHNESS_SLOT, NORMAL_SLOT, OCCLUSION_SLOT, EMISSIVE_SLOT, LIGHTMAP_SLOT = range(6)
 
 # Columns of `MaterialTable.floats`; six numbers of each texture's transform follow from TRANSFORMS on.
-RED, GREEN, BLUE, ALPHA, METAL, ROUGH, EMIT, SPECULAR, EXPONENT = 0, 1, 2, 3, 4, 5, 6, 9, 12
-NORMAL_SCALE, OCCLUSION_STRENGTH, LIGHTMAP_SCALE, CUTOFF, TRANSFORMS = 13, 14, 15, 16, 17
+# GLOSS is the exponent where Blinn-Phong has a specular colour of its own, else the roughness.
+RED, GREEN, BLUE, ALPHA, METAL, GLOSS, EMIT, SPECULAR = 0, 1, 2, 3, 4, 5, 6, 9
+NORMAL_SCALE, OCCLUSION_STRENGTH, LIGHTMAP_SCALE, CUTOFF, TRANSFORMS = 12, 13, 14, 15, 16
 FLOATS = TRANSFORMS + 6 * len(SLOTS)
 # Columns of `MaterialTable.ints`: the model, whether specular follows from metallic and roughness, each slot's texture and texcoord.
 CODE, DERIVED, TEXTURE, TEXCOORD = 0, 1, 2, 2 + len(SLOTS)
 INTS = TEXCOORD + len(SLOTS)
 
 SHADINGS = ("flat", "gouraud", "phong", "pbr", "unlit")
-_SPECULAR_DIELECTRIC = 0.04
-_LEAST_ROUGHNESS = 0.045
+LEAST_ROUGHNESS = 0.045
 
 
 class MaterialTable(NamedTuple):
@@ -45,21 +47,28 @@ class MaterialTable(NamedTuple):
         floats: (m + 1, FLOATS) float32.
         ints: (m + 1, INTS) int32.
         flags: (m + 1,) int32: NEEDS_*, ALPHA_*, DOUBLE_SIDED, GOURAUD.
-        features: () int64 as int: all flags of all materials that the scene's meshes use, or-ed.
+        textures, levels, texels, radiance: See `mipmap.TexturePool`.
+        features: All flags of all materials that the scene's meshes use, or-ed.
     """
 
     floats: Array
     ints: Array
     flags: Array
+    textures: Array
+    levels: Array
+    texels: Array
+    radiance: Array
     features: int
 
 
-def pack_materials(scene: Scene, shading: str | None = None) -> MaterialTable:
+def pack_materials(scene: Scene, shading: str | None = None, vertices: bool = False) -> MaterialTable:
     """Make the table of a scene's materials.
 
     Args:
         scene: Its materials, textures and meshes are read.
         shading: Model of all materials ("flat", "gouraud", "phong", "pbr", "unlit"); None takes each material's own, "phong" where it has none.
+        vertices: Make the table for lighting the vertices of Gouraud materials: Blinn-Phong without textures. The table for fragments
+            then takes the interpolated colour, times the base colour texture, as it is. Other textures play no part.
 
     Raises:
         InputError: No such shading.
@@ -73,45 +82,49 @@ def pack_materials(scene: Scene, shading: str | None = None) -> MaterialTable:
     flags = np.zeros(len(materials), np.int32)
     for i, material in enumerate(materials):
         model = shading or material.shading or "phong"
+        if vertices:
+            material, model = _bare(material), "phong"
         floats[i], ints[i], flags[i] = _pack(material, model, i in colored)
     used = sorted({mesh.material % len(materials) for mesh in scene.meshes})
     features = int(np.bitwise_or.reduce(flags[used])) if used else 0
-    return MaterialTable(floats, ints, flags, features)
+    return MaterialTable(floats, ints, flags, *pack_textures(Scene() if vertices else scene), features)
+
+
+def _bare(material: Material) -> Material:
+    return replace(material, **{f"{slot}_texture": None for slot in SLOTS})
 
 
 def _pack(material: Material, model: str, colored: bool) -> tuple[Array, Array, int]:
+    refs = [getattr(material, f"{slot}_texture") for slot in SLOTS]
+    code = _code(material, model)
+    if code & MODEL_MASK == MODEL_UNLIT:
+        refs[1:] = [None] * (len(SLOTS) - 1)
     floats = np.zeros(FLOATS, np.float32)
-    floats[RED : ALPHA + 1] = material.base_color
+    floats[RED : ALPHA + 1] = 1.0 if model == "gouraud" else material.base_color
     floats[EMIT : EMIT + 3] = material.emissive
-    specular, exponent, roughness = _gloss(material)
-    floats[METAL], floats[ROUGH] = material.metallic, roughness
-    floats[SPECULAR : SPECULAR + 3], floats[EXPONENT] = specular, exponent
+    floats[SPECULAR : SPECULAR + 3] = 0 if material.specular is None else material.specular
+    floats[METAL] = material.metallic
+    exponent, roughness = _gloss(material)
+    floats[GLOSS] = exponent if code & MODEL_MASK == MODEL_PHONG and material.specular is not None else roughness
     floats[NORMAL_SCALE : CUTOFF + 1] = (
         material.normal_scale, material.occlusion_strength, material.lightmap_scale, material.alpha_cutoff,
     )  # fmt: skip
     ints = np.zeros(INTS, np.int32)
-    refs = [getattr(material, f"{slot}_texture") for slot in SLOTS]
     for slot, ref in enumerate(refs):
         ints[TEXTURE + slot] = -1 if ref is None else ref.texture
         ints[TEXCOORD + slot] = 0 if ref is None else ref.texcoord
         floats[TRANSFORMS + 6 * slot : TRANSFORMS + 6 * slot + 6] = _transform(ref or TextureRef(0))
-    ints[DERIVED] = material.specular is None
-    ints[CODE] = _code(material, model, floats)
-    return floats, ints, _flags(material, model, refs, int(ints[CODE]), colored)
+    ints[CODE], ints[DERIVED] = code, material.specular is None
+    return floats, ints, _flags(material, model, refs, code, colored)
 
 
-def _gloss(material: Material) -> tuple[Array, float, float]:
-    """Specular factor, exponent and roughness, what is missing made from what is there: exponent = 2 / roughness^4 - 2."""
-    roughness = max(material.roughness, _LEAST_ROUGHNESS)
+def _gloss(material: Material) -> tuple[float, float]:
+    """Exponent and roughness; what is missing is made from what is there: exponent = 2 / roughness^4 - 2."""
+    roughness = max(material.roughness, LEAST_ROUGHNESS)
     if material.shininess is None:
-        exponent = 2 / roughness**4 - 2
-    else:
-        exponent = max(material.shininess, 0.0)
-        roughness = max((2 / (exponent + 2)) ** 0.25, _LEAST_ROUGHNESS)
-    if material.specular is not None:
-        return np.asarray(material.specular, np.float64), exponent, roughness
-    base = np.asarray(material.base_color[:3], np.float64)
-    return _SPECULAR_DIELECTRIC * (1 - material.metallic) + base * material.metallic, exponent, roughness
+        return 2 / roughness**4 - 2, roughness
+    exponent = max(material.shininess, 0.0)
+    return exponent, max((2 / (exponent + 2)) ** 0.25, LEAST_ROUGHNESS)
 
 
 def _transform(ref: TextureRef) -> tuple[float, ...]:
@@ -120,8 +133,8 @@ def _transform(ref: TextureRef) -> tuple[float, ...]:
     return c * ref.scale[0], s * ref.scale[1], ref.offset[0], -s * ref.scale[0], c * ref.scale[1], ref.offset[1]
 
 
-def _code(material: Material, model: str, floats: Array) -> int:
-    if model == "unlit" or model == "gouraud":
+def _code(material: Material, model: str) -> int:
+    if model in ("unlit", "gouraud"):
         return MODEL_UNLIT
     dull = material.specular is not None and not any(material.specular)
     code = MODEL_PBR if model == "pbr" else MODEL_LAMBERT if dull else MODEL_PHONG
@@ -134,11 +147,11 @@ def _flags(material: Material, model: str, refs: list[TextureRef | None], code: 
     flags = {"OPAQUE": 0, "MASK": ALPHA_MASK, "BLEND": ALPHA_BLEND}[material.alpha_mode]
     flags |= DOUBLE_SIDED if material.double_sided else 0
     flags |= NEEDS_COLOR if colored else 0
-    flags |= GOURAUD if model == "gouraud" else 0
-    used = refs if code & MODEL_MASK else refs[:1]
-    for ref in used:
+    for ref in refs:
         flags |= 0 if ref is None else NEEDS_UV1 if ref.texcoord else NEEDS_UV0
-    if code & MODEL_MASK:
+    if model == "gouraud":
+        flags |= GOURAUD | NEEDS_COLOR
+    if code & MODEL_MASK != MODEL_UNLIT:
         flags |= NEEDS_FACE if model == "flat" else NEEDS_NORMAL
         flags |= NEEDS_TANGENT if material.normal_texture and model != "flat" else 0
         flags |= NEEDS_VIEW if code & MODEL_MASK != MODEL_LAMBERT else 0
