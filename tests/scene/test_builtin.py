@@ -212,6 +212,34 @@ def test_scenes_are_sound(name):
     assert kinds <= allowed
 
 
+def test_room_is_closed_and_holds_its_furniture():
+    scene = SCENES["room"]()
+    assert 20_000 <= scene.triangle_count <= 100_000
+    low, high = scene.bounds()
+    np.testing.assert_allclose([low, high], [[-3.14, 0, -2.5], [3, 2.8, 2.5]], atol=1e-6)
+    eye = scene.cameras[0].eye
+    assert (low < eye).all()
+    assert (eye < high).all()
+    assert {m.alpha_mode for m in scene.materials} == {"OPAQUE", "MASK", "BLEND"}
+    assert any(any(m.emissive) for m in scene.materials)
+    assert {light.kind for light in scene.lights} == {"spot", "point"}
+
+
+def test_room_has_no_hole():
+    """Every ray from its middle ends on a surface: the solid angle of all that faces the middle is at least 4 pi."""
+    scene = SCENES["room"]()
+    names = {"floor", "ceiling", "back wall", "front wall", "left wall", "right wall", "reveal", "daylight"}
+    total = 0.0
+    for mesh in scene.meshes:
+        if mesh.name in names:
+            a, b, c = (mesh.positions.astype(float)[mesh.triangles[:, k]] - (0.1, 1.2, -0.2) for k in range(3))
+            la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
+            triple = np.einsum("ij,ij->i", a, np.cross(b, c))
+            rest = la * lb * lc + (a * b).sum(1) * lc + (b * c).sum(1) * la + (c * a).sum(1) * lb
+            total += 2 * np.arctan2(triple, rest).sum()  # Van Oosterom and Strackee
+    assert abs(total) == pytest.approx(4 * np.pi, abs=1e-4)
+
+
 def test_no_numba_is_needed():
     code = "import sys, luxel.scene.builtin as b; [f() for f in b.SCENES.values()]; print('numba' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

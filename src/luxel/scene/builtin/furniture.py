@@ -208,7 +208,7 @@ def _row_of_books(stretch: tuple[float, float], y: float, room: float, rng: np.r
         x += thick + 0.0015
 
 
-def plant(leaves: int = 46, seed: int = 6) -> list[Piece]:
+def plant(leaves: int = 54, seed: int = 6) -> list[Piece]:
     """A pot with a bush of bent leaves, cut out of quads by their alpha."""
     pot = lathe(
         [(0, _GAP), (0.13, _GAP), (0.18, 0.3), (0.19, 0.3), (0.19, 0.33), (0.165, 0.33), (0.155, 0.27), (0, 0.27)], 48
@@ -218,12 +218,12 @@ def plant(leaves: int = 46, seed: int = 6) -> list[Piece]:
     blades, stalks = [], []
     for k in range(leaves):
         turn, rise = 2.399963 * k, k / leaves  # the golden angle spreads them
-        tall, reach = 0.35 + 0.75 * rise + rng.uniform(-0.05, 0.05), (0.34 - 0.2 * rise) * rng.uniform(0.8, 1.2)
+        tall, reach = 0.35 + 0.75 * rise + rng.uniform(-0.05, 0.05), (0.26 - 0.14 * rise) * rng.uniform(0.8, 1.2)
         t = np.linspace(0, 1, 7)
         out = np.array([np.cos(turn), 0, np.sin(turn)])
         stalk = out * (0.02 + reach * t[:, None] ** 1.5) + np.array([0, 1, 0]) * (0.27 + tall * t[:, None] ** 0.8)
         stalks.append(tube(stalk, 0.005 - 0.002 * t, 6))
-        blades.append(_blade(stalk[-1], out, rng.uniform(0.26, 0.36), rng.uniform(0.13, 0.17), 0.5 + 0.7 * rise))
+        blades.append(_blade(stalk[-1], out, rng.uniform(0.2, 0.27), rng.uniform(0.11, 0.15), 0.5 + 0.7 * rise))
     return [
         (pot, "terracotta pot"),
         (soil, "soil"),

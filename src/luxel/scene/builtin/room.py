@@ -31,7 +31,7 @@ def room() -> Scene:
         (0.42, 0.5, 0.34, 0.34, 0.02),  # pouf
         (*_LAMP, 0.2, 0.2, 0.0),
         (1.98, -2.33, 1.0, 0.3, 0.0),  # bookshelf
-        (-2.5, -2.02, 0.2, 0.2, 0.0),  # plant
+        (-2.44, -1.96, 0.2, 0.2, 0.0),  # plant
     ]
     materials, textures = finishes((WIDTH, DEPTH), footprints)
     scene = Scene(name="room", textures=textures, ambient=Ambient((0.62, 0.62, 0.63), (0.42, 0.37, 0.31)))
@@ -69,7 +69,7 @@ def _things() -> dict[str, list[Piece]]:
         "pouf": _placed(f.pouf(), 0.42, 0.016, 0.5),
         "lamp": _placed(f.floor_lamp(), _LAMP[0], 0, _LAMP[1]),
         "bookshelf": _placed(f.bookshelf(), 1.98, 0, -2.335),
-        "plant": _placed(f.plant(), -2.5, 0, -2.02),
+        "plant": _placed(f.plant(), -2.44, 0, -1.96),
         "picture": _placed(f.picture(), -0.75, 1.72, -_Z + 0.003),
         "mirror": _mirror(),
         "door": _door(),

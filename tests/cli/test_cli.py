@@ -1,0 +1,336 @@
+"""The command line: in process for what it does, as a process for what surrounds it."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from luxel import __version__
+from luxel.cli import main
+from luxel.io.images import read_image, write_png
+
+COMMANDS = ["demo", "render", "info", "diff"]
+CUBE = """\
+v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1
+f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8
+"""
+
+
+@pytest.fixture
+def cube(tmp_path):
+    path = tmp_path / "cube.obj"
+    path.write_text(CUBE)
+    return path
+
+
+def luxel(*words, **options):
+    command = [sys.executable, "-m", "luxel", *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=300, **options)
+
+
+def error_of(capsys, *words):
+    """The one line on stderr of a command that must fail with exit code 2."""
+    code = main([str(word) for word in words])
+    out, err = capsys.readouterr()
+    assert code == 2, err
+    assert out == ""
+    assert err.startswith("luxel: error: ")
+    assert err.count("\n") == 1
+    return err
+
+
+# Help
+
+
+def test_help_names_all_commands(capsys):
+    for words in (["--help"], ["-h"], []):
+        assert main(words) == 0
+        out, err = capsys.readouterr()
+        assert all(f"  {name}  " in out for name in COMMANDS)
+        assert err == ""
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_has_an_example(name, capsys):
+    assert main([name, "--help"]) == 0
+    assert f"Example:\n  luxel {name}" in capsys.readouterr().out
+
+
+def test_help_imports_nothing_heavy():
+    code = (
+        "import sys, luxel.cli; luxel.cli.main(['--help']); luxel.cli.main(['render', '--help']);"
+        "print(sorted({'numba', 'numpy', 'scipy', 'trimesh', 'rich', 'PIL'} & set(sys.modules)), file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stderr == "[]\n"
+
+
+def test_version(capsys):
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"luxel {__version__}\n"
+
+
+def test_module_and_script_are_the_same():
+    assert luxel("--version").stdout == f"luxel {__version__}\n"
+
+
+# Errors
+
+
+def test_a_mistyped_command_is_suggested(capsys):
+    assert "Did you mean 'render'?" in error_of(capsys, "rendr", "a.obj")
+
+
+def test_a_mistyped_option_is_suggested(capsys):
+    assert "--exposure" in error_of(capsys, "render", "a.obj", "-o", "a.png", "--expsure", "1")
+
+
+def test_what_is_missing_is_named(capsys, tmp_path):
+    assert "FILE" in error_of(capsys, "render")
+    assert "no-such.obj" in error_of(capsys, "render", "no-such.obj", "-o", tmp_path / "a.png")
+    assert "no-such.glb" in error_of(capsys, "info", "no-such.glb")
+    assert "no-such.png" in error_of(capsys, "diff", "no-such.png", "no-such.png")
+
+
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [
+        ("--size", "12by3"),
+        ("--samples", "3"),
+        ("--samples", "many"),
+        ("--filter", "bx"),
+        ("--shading", "toon"),
+        ("--background", "blurple"),
+        ("--cull", "front"),
+        ("--outputs", "colour"),
+        ("--fov", "200"),
+        ("--eye", "1,2"),
+        ("--ssaa", "0"),
+        ("--threads", "0"),
+        ("--pattern", "spiral"),
+    ],
+)
+def test_wrong_values_name_the_option(capsys, cube, tmp_path, option, value):
+    assert option in error_of(capsys, "render", cube, "-o", tmp_path / "a.png", option, value)
+    assert os.listdir(tmp_path) == ["cube.obj"]
+
+
+def test_output_is_checked_before_the_work(capsys, tmp_path):
+    assert "no folder" in error_of(capsys, "render", "no-such.obj", "-o", tmp_path / "no" / "a.png")
+    assert "--output" in error_of(capsys, "render", "no-such.obj", "-o", "a.tga")
+
+
+def test_the_unexpected_is_one_line_and_a_hint(capsys, monkeypatch, tmp_path):
+    write_png(tmp_path / "a.png", np.zeros((2, 2, 3), np.uint8))
+    monkeypatch.setattr("luxel.filter.metrics.rmse", lambda a, b: 1 / 0)
+    words = ["diff", str(tmp_path / "a.png"), str(tmp_path / "a.png")]
+    assert main(words) == 1
+    err = capsys.readouterr().err
+    assert err == "luxel: error: unexpected ZeroDivisionError: division by zero (--traceback shows where)\n"
+    assert main([*words, "--traceback"]) == 1
+    assert "Traceback (most recent call last)" in capsys.readouterr().err
+
+
+def test_warnings_are_one_line_each_and_quiet_hides_them(capsys, cube):
+    cube.write_text("mtllib nowhere.mtl\nusemtl a\n" + CUBE)
+    assert main(["info", str(cube)]) == 0
+    lines = capsys.readouterr().err.splitlines()
+    assert lines
+    assert all(line.startswith("luxel: warning: ") for line in lines)
+    assert main(["info", "-q", str(cube)]) == 0
+    assert capsys.readouterr() == ("", "")
+
+
+# diff
+
+
+@pytest.fixture
+def pictures(tmp_path):
+    a = np.full((40, 50, 3), 100, np.uint8)
+    b = a.copy()
+    b[10, 20] = 151, 100, 100
+    write_png(tmp_path / "a.png", a)
+    write_png(tmp_path / "b.png", b)
+    return str(tmp_path / "a.png"), str(tmp_path / "b.png")
+
+
+def test_diff_of_equal_pictures(capsys, pictures):
+    assert main(["diff", pictures[0], pictures[0]]) == 0
+    assert "equal" in capsys.readouterr().out
+    assert main(["diff", pictures[0], pictures[0], "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert (data["same"], data["rmse"], data["psnr"], data["ssim"]) == (True, 0, None, 1)
+
+
+def test_diff_of_different_pictures(capsys, pictures, tmp_path):
+    picture = tmp_path / "d.png"
+    assert main(["diff", *pictures, "--output", str(picture), "--json"]) == 1
+    data = json.loads(capsys.readouterr().out)
+    rmse = 0.2 / np.sqrt(40 * 50 * 3)
+    assert data["rmse"] == pytest.approx(rmse)
+    assert data["psnr"] == pytest.approx(-20 * np.log10(rmse))
+    assert data["max_difference"] == pytest.approx(0.2)
+    assert data["differing_pixels"] == 1
+    shown = read_image(picture)
+    assert shown[10, 20].tolist() == [255, 255, 255]
+    assert shown.sum() == 3 * 255
+    assert main(["diff", *pictures]) == 1
+    assert "differing pixels    1 of 2,000" in capsys.readouterr().out
+
+
+def test_diff_within_a_threshold(capsys, pictures):
+    assert main(["diff", *pictures, "--max-rmse", "0.01"]) == 0
+    assert main(["diff", *pictures, "--max-rmse", "0.001", "-q"]) == 1
+    capsys.readouterr()
+    assert "--max-rmse" in error_of(capsys, "diff", *pictures, "--max-rmse", "-1")
+
+
+def test_diff_with_and_without_alpha(capsys, pictures, tmp_path):
+    opaque = np.full((40, 50, 4), (100, 100, 100, 255), np.uint8)
+    write_png(tmp_path / "rgba.png", opaque)
+    write_png(tmp_path / "grey.png", opaque[..., :1])
+    assert main(["diff", pictures[0], str(tmp_path / "rgba.png")]) == 0
+    assert main(["diff", pictures[0], str(tmp_path / "grey.png")]) == 0
+
+
+def test_diff_of_two_sizes_is_an_error(capsys, pictures, tmp_path):
+    write_png(tmp_path / "c.png", np.zeros((4, 4, 3), np.uint8))
+    err = error_of(capsys, "diff", pictures[0], tmp_path / "c.png")
+    assert "50x40" in err
+    assert "4x4" in err
+
+
+# info
+
+
+def test_info_for_people(capsys, cube):
+    assert main(["info", str(cube)]) == 0
+    out = capsys.readouterr().out
+    assert "12 triangles" in out
+    assert "1 x 1 x 1 m" in out
+    assert "Nothing odd." in out
+
+
+def test_info_for_programs(capsys, cube):
+    assert main(["info", str(cube), "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert data["triangles"] == 12
+    assert data["bounds"] == [[0, 0, 0], [1, 1, 1]]
+    assert data["meshes"][0]["closed"] is True
+    assert data["oddities"] == []
+
+
+def test_info_says_what_is_odd(capsys, cube):
+    cube.write_text(CUBE.replace("f 4 1 5 8\n", ""))
+    assert main(["info", str(cube)]) == 0
+    assert "4 open edges" in capsys.readouterr().out
+
+
+def test_a_reader_that_goes_away_is_no_error(cube):
+    code = f"import sys; from luxel.cli import main; sys.exit(main(['info', {str(cube)!r}, '--json']))"
+    read, write = os.pipe()
+    os.close(read)
+    done = subprocess.run([sys.executable, "-c", code], stdout=write, stderr=subprocess.PIPE, text=True, timeout=60)
+    os.close(write)
+    assert done.returncode == 1
+    assert done.stderr == ""
+
+
+# render and demo
+
+
+def test_render_writes_a_picture(capsys, cube, tmp_path):
+    out = tmp_path / "cube.png"
+    assert main(["render", str(cube), "-o", str(out), "--size", "64x48"]) == 0
+    said = capsys.readouterr()
+    assert said.out.startswith(f"{out}  (64x48, 12 triangles")
+    picture = read_image(out)
+    assert picture.shape == (48, 64, 4)
+    covered = (picture[..., 3] > 0).mean()
+    assert 0.2 < covered < 0.9  # framed: neither lost nor cut
+    assert not picture[[0, -1]][..., 3].any()
+    assert not picture[:, [0, -1]][..., 3].any()
+
+
+def test_render_json_is_all_there_is_on_stdout(capsys, cube, tmp_path):
+    out = tmp_path / "cube.npz"
+    words = ["render", str(cube), "-o", str(out), "--size", "32", "--outputs", "color,depth,triangle", "--json"]
+    assert main(words) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert data["output"] == [str(out)]
+    assert data["size"] == [32, 32]
+    assert data["triangles"] == 12
+    with np.load(out) as arrays:
+        assert set(arrays) == {"color", "depth", "triangle"}
+        assert np.isfinite(arrays["depth"]).sum() == (arrays["triangle"] >= 0).sum() > 100
+
+
+def test_render_quietly(capsys, cube, tmp_path):
+    assert main(["render", str(cube), "-o", str(tmp_path / "a.png"), "--size", "16", "-q"]) == 0
+    assert capsys.readouterr() == ("", "")
+
+
+def test_turntable_numbers_its_files(capsys, cube, tmp_path):
+    assert main(["render", str(cube), "-o", str(tmp_path / "t.png"), "--size", "24", "--turntable", "3", "--json"]) == 0
+    expected = [str(tmp_path / f"t_{i:03}.png") for i in range(3)]
+    assert json.loads(capsys.readouterr().out)["output"] == expected
+    a, b, c = (read_image(path) for path in expected)
+    assert (a != b).any()
+    assert (b != c).any()
+
+
+def test_options_reach_the_renderer(cube, tmp_path):
+    def drawn(*words):
+        path = tmp_path / "x.png"
+        assert main(["render", str(cube), "-o", str(path), "--size", "32", "-q", *words]) == 0
+        return read_image(path).astype(int)
+
+    plain = drawn()
+    assert (drawn("--background", "#ff0000")[0, 0] == [255, 0, 0, 255]).all()
+    assert drawn("--exposure", "-2")[16, 16, :3].sum() < plain[16, 16, :3].sum()
+    assert (drawn("--shading", "unlit")[16, 16] != plain[16, 16]).any()
+    assert (drawn("--azimuth", "200") != plain).any()
+    assert set(np.unique(drawn("--samples", "1")[..., 3])) == {0, 255}
+    assert len(np.unique(drawn("--samples", "16")[..., 3])) > 4
+    assert (drawn("--filter", "gaussian") != plain).any()
+    assert (drawn("--threads", "1") == plain).all()
+
+
+def test_demo(capsys, tmp_path):
+    out = tmp_path / "demo.png"
+    assert main(["demo", "-o", str(out), "--size", "96x54", "--scene", "cornell-box"]) == 0
+    assert capsys.readouterr().out.startswith(str(out))
+    picture = read_image(out)
+    assert picture.shape[:2] == (54, 96)
+    red, green = picture[27, 30, :3].astype(int), picture[27, 66, :3].astype(int)
+    assert red[0] > 2 * red[1]  # the red wall is on the left
+    assert green[1] > 2 * green[0] or green[1] > green[0] + 20
+    assert "did you mean room" in error_of(capsys, "demo", "--scene", "rom")
+
+
+def test_the_first_run_says_that_it_compiles(tmp_path):
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    out = tmp_path / "a.png"
+    words = ["demo", "--scene", "two-triangles", "--size", "16", "-o", out]
+    first, second = luxel(*words, env=environment), luxel(*words, env=environment)
+    assert first.returncode == second.returncode == 0
+    assert first.stderr.count("compiling") == 1
+    assert second.stderr == ""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
+def test_interrupt_leaves_no_file_behind(tmp_path):
+    command = [sys.executable, "-m", "luxel", "demo", "--size", "6000x6000", "-o", str(tmp_path / "big.png")]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path)
+    time.sleep(1.5)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=120)
+    assert process.returncode == 130
+    assert err.endswith("luxel: interrupted\n")
+    assert out == ""
+    assert os.listdir(tmp_path) == []
