@@ -21,6 +21,7 @@ from luxel.io.polygons import triangulate, unify
 from luxel.io.text import parse, table_lines, words_per_line
 from luxel.scene.colour import linear_from_srgb
 from luxel.scene.mesh import Mesh
+from luxel.scene.normals import vertex_normals
 from luxel.scene.scene import Instance, Scene
 
 _VERTEX_KEYS = {b"v": 3, b"vt": 1, b"vn": 3}  # and the least numbers on a line
@@ -246,6 +247,7 @@ def _mesh(tables: _Tables, part: _Part, whole: bool) -> Mesh:
     first, number = unify(list(columns.values()))
     triangles = np.where(good[corners], number, -1).reshape(-1, 3)
     source = {key: column[first] for key, column in columns.items()}
+    at, picked = positions[source[b"v"]], None if colors is None else colors[source[b"v"]]
     texcoords = normals = None
     if b"vt" in source:
         table = np.nan_to_num(tables.arrays[b"vt"][:, :2], nan=0.0)
@@ -253,7 +255,10 @@ def _mesh(tables: _Tables, part: _Part, whole: bool) -> Mesh:
         texcoords[:-1, : table.shape[1]] = table
         texcoords = turned(texcoords[source[b"vt"]])
     if b"vn" in source:
-        normals = np.append(tables.arrays[b"vn"][:, :3], [[0.0, 0.0, 0.0]], 0)[source[b"vn"]]
-    picked = None if colors is None else colors[source[b"v"]]
-    at = positions[source[b"v"]]
+        table = tables.arrays[b"vn"][:, :3]
+        normals = np.append(table, [[0.0, 0.0, 0.0]], 0)[source[b"vn"]]
+        bare = source[b"vn"] == len(table)
+        if bare.any():
+            with_vertex = triangles[(triangles >= 0).all(1)]
+            normals[bare] = vertex_normals(at.astype(np.float32), with_vertex)[bare]
     return build_mesh(where, at, triangles, texcoords=texcoords, normals=normals, colors=picked, name=name)

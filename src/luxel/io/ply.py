@@ -289,8 +289,9 @@ def _walk_numbers(values: Array, element: _Element, at: str) -> tuple[_Columns, 
     """Columns of an element whose numbers start `values`, and how many it took."""
     lists = [k for k, prop in enumerate(element.properties) if prop.count is not None]
     width = len(element.properties)
-    if len(lists) == 1 and 0 <= values[lists[0]] <= len(values):
-        width += int(values[lists[0]])
+    if lists:
+        head = values[lists[0]]  # the length of the first row's list
+        width += int(head) if 0 <= head <= len(values) else len(values)
     if len(lists) <= 1 and element.rows * width <= len(values):
         table = values[: element.rows * width].reshape(element.rows, width)
         if not lists or (table[:, lists[0]] == table[0, lists[0]]).all():

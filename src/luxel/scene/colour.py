@@ -12,9 +12,9 @@ from luxel.errors import InputError
 
 def srgb_from_linear(linear: object) -> Array:
     """Encode linear light, any shape, to sRGB in 0..1, float32; values outside 0..1 are clamped (NaN to 0)."""
-    value = np.clip(np.nan_to_num(np.asarray(linear, np.float32), nan=0.0, posinf=1.0, neginf=0.0), 0, 1)
-    curved = np.float32(1.055) * np.maximum(value, np.float32(0.0031308)) ** np.float32(1 / 2.4) - np.float32(0.055)
-    return np.where(value <= 0.0031308, np.float32(12.92) * value, np.minimum(curved, np.float32(1))).astype(np.float32)
+    value = np.clip(np.nan_to_num(np.asarray(linear, np.float64), nan=0.0, posinf=1.0, neginf=0.0), 0, 1)
+    curved = 1.055 * np.maximum(value, 0.0031308) ** (1 / 2.4) - 0.055
+    return np.where(value <= 0.0031308, 12.92 * value, curved).astype(np.float32)
 
 
 def linear_from_srgb(encoded: object) -> Array:

@@ -77,28 +77,62 @@ def _cross(a: Array, b: Array) -> Array:
 
 
 def weld(positions: Array) -> Array | None:
-    """(n,) int32: for each vertex the lowest one at the same position; None where all positions differ."""
-    bits = (positions + np.float32(0)).view(np.uint32).astype(np.uint64)  # + 0 turns -0 into 0
-    key = bits[:, 0] * np.uint64(0x9E3779B97F4A7C15)
-    for k in (1, 2):
-        key ^= key >> np.uint64(29)
-        key = (key + bits[:, k]) * np.uint64(0xBF58476D1CE4E5B9)
-    del bits
-    ordered = np.sort(key)
-    if len(key) < 2 or not (ordered[1:] == ordered[:-1]).any():
+    """(n,) int32: for each vertex of positions (n, 3) float32 the lowest one at the same place; None where all differ."""
+    order, alike = _neighbours(positions)
+    if not alike.any():
         return None
-    del ordered
-    order = np.argsort(key, kind="stable").astype(np.int32)
-    starts = np.ones(len(key), bool)
-    sorted_positions = positions[order]
-    # Positions that differ but share a hash between two equal ones would go unwelded: harmless, and one in 2^64.
-    starts[1:] = (sorted_positions[1:] != sorted_positions[:-1]).any(1)
-    first = order[starts]
-    if len(first) == len(key):
+    equal = _equal_to_next(positions, order)
+    mixed = np.flatnonzero(alike & ~equal)
+    if len(mixed):  # different places with one hash, perhaps alternating
+        order = _apart(positions, order, alike, mixed)
+        equal = _equal_to_next(positions, order)
+    equal &= alike
+    if not equal.any():
         return None
-    same = np.empty(len(key), np.int32)
-    same[order] = np.repeat(first, np.diff(np.append(np.flatnonzero(starts), len(key))))
+    starts = np.flatnonzero(np.r_[True, ~equal])
+    same = np.empty(len(order), np.int32)
+    same[order] = np.repeat(order[starts], np.diff(starts, append=len(order)))
     return same
+
+
+def _equal_to_next(positions: Array, order: Array) -> Array:
+    """(n - 1,) bool: whether the vertices of `order` stand where the next one stands."""
+    out = np.ones(len(order) - 1, bool)
+    for start in range(0, len(out), _CHUNK):
+        part = positions[order[start : start + _CHUNK + 1]]
+        for k in range(3):
+            out[start : start + _CHUNK] &= part[1:, k] == part[:-1, k]
+    return out
+
+
+def _neighbours(positions: Array) -> tuple[Array, Array]:
+    """Vertices (n,) int32 ordered by a hash of their place, then number; and whether each has the hash of the next."""
+    bits = np.uint64(max(len(positions), 2).bit_length())
+    key = np.zeros(len(positions), np.uint64)
+    for k in range(3):
+        key += (positions[:, k] + np.float32(0)).view(np.uint32)  # + 0 turns -0 into 0
+        key *= np.uint64(0xBF58476D1CE4E5B9)
+        key ^= key >> np.uint64(29)
+    key *= np.uint64(0x94D049BB133111EB)
+    key >>= bits
+    key <<= bits
+    key |= np.arange(len(key), dtype=np.uint64)  # sorting the number with the hash is much quicker than an argsort
+    key.sort()
+    order = (key & ((np.uint64(1) << bits) - np.uint64(1))).astype(np.int32)
+    key >>= bits
+    return order, key[1:] == key[:-1]
+
+
+def _apart(positions: Array, order: Array, alike: Array, mixed: Array) -> Array:
+    """`order` with the runs of one hash that hold the entries `mixed` sorted by place, so that equal places stand together."""
+    run = np.cumsum(np.r_[True, ~alike])
+    chosen = np.zeros(int(run[-1]) + 1, bool)
+    chosen[run[mixed]] = True
+    at = np.flatnonzero(chosen[run])
+    x, y, z = (positions[order[at]] + np.float32(0)).T
+    order = order.copy()
+    order[at] = order[at][np.lexsort((order[at], z, y, x, run[at]))]
+    return order
 
 
 def _corner_weights(positions: Array, triangles: Array) -> tuple[Array, Array]:
@@ -211,6 +245,9 @@ def _split(mesh: Mesh, normals: Array, corners: Array, corner_normals: Array) ->
     flat = flat.copy()
     flat[corners] = number[kind]
     source = kind_vertex[~first]
+    if not len(source):
+        normals[kind_vertex] = kind_normal
+        return replace(mesh, normals=normals)
     normals = np.concatenate([normals, kind_normal[~first]])
     normals[kind_vertex[first]] = kind_normal[first]
     carried = {
