@@ -37,7 +37,7 @@ __all__ = [
     "on_compile", "parallel_kernel", "part", "run", "take", "types",
 ]  # fmt: skip
 
-_IMPORT = re.compile(r"^\s*(?:from\s+(luxel[\w.]*)\s+import\s+([\w, ]+)|import\s+(luxel[\w.]*))", re.MULTILINE)
+_IMPORT = re.compile(r"^\s*(?:from\s+(luxel[\w.]*)\s+import\s+\(?([\w,\s]+)|import\s+(luxel[\w.]*))", re.MULTILINE)
 
 
 @lru_cache(maxsize=None)
@@ -68,7 +68,7 @@ def _digest(module: str) -> str:
     todo = [module]
     while todo:
         name = todo.pop()
-        if name not in seen and name.startswith("luxel."):
+        if name not in seen and (name == module or name.startswith("luxel.")):  # a test's or a user's kernel has a name of its own
             seen.add(name)
             todo += _imports(name)
     digest = hashlib.sha256()
