@@ -149,6 +149,9 @@ def test_turntable():
         {"fov": 0},
         {"fov": 180},
         {"fov": 50, "ortho": "2"},
+        {"turntable": 0},
+        {"eye": "1,2"},
+        {"eye": "1,2,3", "target": "x,y,z"},
     ],
 )
 def test_options_that_exclude_each_other(options):
@@ -159,7 +162,7 @@ def test_options_that_exclude_each_other(options):
 @pytest.mark.parametrize("height", ["0", "-1", "tall", "nan", "inf"])
 def test_wrong_height(height):
     with pytest.raises(InputError, match="--ortho"):
-        View(ortho=height).cameras(Scene.from_mesh(box()), SIZE)
+        View(ortho=height)
 
 
 def test_lightmap_goes_to_the_meshes_that_have_coordinates(tmp_path):

@@ -45,6 +45,12 @@ class View:
             raise InputError(f"--fov: expected degrees between 0 and 180, got {self.fov:g}")
         if self.fov is not None and self.ortho is not None:
             raise InputError("--fov and --ortho: an orthographic camera has no field of view")
+        if self.turntable is not None and self.turntable < 1:
+            raise InputError(f"--turntable: expected at least 1 picture, got {self.turntable}")
+        self._height(), self._up()  # wrong words are told before a large file is read
+        for option in ("eye", "target"):
+            if getattr(self, option) is not None:
+                values.vector(getattr(self, option), f"--{option}")
 
     def cameras(self, scene: Scene, size: tuple[int, int]) -> list[Camera]:
         """The cameras meant, for pictures of `size` (width, height)."""

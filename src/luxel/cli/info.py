@@ -11,7 +11,7 @@ import typer
 from luxel.cli.console import Console, Json, Quiet, seconds
 
 if TYPE_CHECKING:
-    from luxel.scene.inspect import Report
+    from luxel.scene.inspect import Oddity, Report
 
 EXAMPLE = "luxel info model.glb"
 Cells = list[tuple[str, ...]]
@@ -42,26 +42,38 @@ def info(
 
 def _show(file: Path, loaded: float, report: Report, rows: int | None) -> None:
     from rich.console import Console as RichConsole
-    from rich.padding import Padding
     from rich.text import Text
 
-    out = RichConsole(highlight=False, soft_wrap=False)
+    out = RichConsole(highlight=False, emoji=False, markup=False)
     size = " x ".join(f"{e:.4g}" for e in report.extent)
     low, high = (", ".join(f"{c:.4g}" for c in corner) for corner in report.bounds)
-    out.print(Text.assemble((str(file), "bold"), f"  {_bytes(file.stat().st_size)}, loaded in {seconds(loaded)}"))
+    title = Text.assemble((str(file), "bold"), f"  {_bytes(file.stat().st_size)}, loaded in {seconds(loaded)}")
+    out.print(title, soft_wrap=True)
     counts = (_many(report.triangles, "triangle"), _many(report.vertices, "vertex"), _many(report.objects, "object"))
-    out.print(f"  {', '.join(counts)}\n  {size} m, from ({low}) to ({high})")
-    for title, columns, cells in _tables(report):
+    out.print(f"  {', '.join(counts)}\n  {size} m, from ({low}) to ({high})", soft_wrap=True)
+    for heading, columns, cells in _tables(report):
         if cells:
-            out.print(Padding(_table(title, columns, cells, rows), (1, 0, 0, 2)))
-    out.print()
-    if not report.oddities:
-        out.print("  Nothing odd.", style="green")
-    for oddity in report.oddities[:rows]:
-        where = Text(f"{oddity.where}: " if oddity.where else "", "dim")
-        out.print(Text.assemble("  ", where, (f"{oddity.count:,} {oddity.kind}", "yellow"), f", {oddity.what}"))
-    if rows and len(report.oddities) > rows:
-        out.print(f"  ... and {len(report.oddities) - rows} more (--all)", style="dim")
+            out.print(f"\n{heading} ({len(cells)})", style="bold")
+            out.print(_table(columns, cells[:rows]))
+            if rows and len(cells) > rows:
+                out.print(f"  ... and {len(cells) - rows} more (--all)", style="dim")
+    out.print("\nOdd" if report.oddities else "\nNothing odd.", style="bold" if report.oddities else "green")
+    for count, kind, where, what in _grouped(report, everything=rows is None):
+        out.print(Text.assemble("  ", (f"{count:,} {kind}", "yellow"), where, (f"  ({what})", "dim")), soft_wrap=True)
+
+
+def _grouped(report: Report, everything: bool) -> list[tuple[int, str, str, str]]:
+    """Count, kind, where and meaning: one line a kind, or one for each mesh as well."""
+    if everything:
+        return [(o.count, o.kind, f" in {o.where}" if o.where else "", o.what) for o in report.oddities]
+    kinds: dict[str, list[Oddity]] = {}
+    for oddity in report.oddities:
+        kinds.setdefault(oddity.kind, []).append(oddity)
+    lines = []
+    for kind, found in kinds.items():
+        where = f" in {len(found)} places" if len(found) > 1 else f" in {found[0].where}" if found[0].where else ""
+        lines.append((sum(oddity.count for oddity in found), kind, where, found[0].what))
+    return lines
 
 
 def _tables(report: Report) -> list[tuple[str, tuple[str, ...], Cells]]:
@@ -74,7 +86,7 @@ def _tables(report: Report) -> list[tuple[str, tuple[str, ...], Cells]]:
             f"{m.vertices:,}",
             str(m.instances),
             m.material,
-            ", ".join(m.attributes),
+            _attributes(m),
             _closed(m),
         )
         for m in largest_first
@@ -90,7 +102,7 @@ def _tables(report: Report) -> list[tuple[str, tuple[str, ...], Cells]]:
     lights: Cells = [(x["name"], x["kind"], f"{x['intensity']:.4g}", _color(x["color"])) for x in report.lights]
     cameras: Cells = [(c["name"], c["kind"], _lens(c), ", ".join(f"{v:.4g}" for v in c["eye"])) for c in report.cameras]
     return [
-        ("Meshes", ("name", ">triangles", ">vertices", ">instances", "material", "attributes", "surface"), meshes),
+        ("Meshes", ("name", ">triangles", ">vertices", ">used", "material", "has", "surface"), meshes),
         ("Materials", ("name", "shading", "alpha", "base colour", "textures"), materials),
         ("Textures", ("name", ">size", ">channels", "type", ">memory"), textures),
         ("Lights", ("name", "kind", ">intensity", "colour"), lights),
@@ -98,22 +110,24 @@ def _tables(report: Report) -> list[tuple[str, tuple[str, ...], Cells]]:
     ]
 
 
-def _table(title: str, columns: tuple[str, ...], cells: Cells, rows: int | None) -> Any:
-    from rich import box
-    from rich.markup import escape
+def _table(columns: tuple[str, ...], cells: Cells) -> Any:
     from rich.table import Table
+    from rich.text import Text
 
-    heading = f"{title} ({len(cells)})"
-    table = Table(title=heading, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False)
-    for column in columns:
+    table = Table(box=None, header_style="dim", padding=(0, 2, 0, 0), pad_edge=True)
+    table.add_column("")
+    used = [i for i in range(len(columns)) if any(row[i] for row in cells)]
+    for column in (columns[i] for i in used):
         right = column.startswith(">")
         table.add_column(column.removeprefix(">"), justify="right" if right else "left", overflow="fold")
-    for row in cells[:rows]:
-        table.add_row(*map(escape, row))
-    if rows and len(cells) > rows:
-        table.caption = f"... and {len(cells) - rows} more (--all)"
-        table.caption_justify = "left"
+    for row in cells:
+        table.add_row("", *(Text(row[i]) for i in used))
     return table
+
+
+def _attributes(mesh: Any) -> str:
+    short = {"normals": "normal", "texcoords": "uv", "texcoords1": "uv1", "colors": "color", "tangents": "tangent"}
+    return " ".join(short[name] for name in mesh.attributes)
 
 
 def _closed(mesh: Any) -> str:
