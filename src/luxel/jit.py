@@ -37,7 +37,7 @@ __all__ = [
     "on_compile", "parallel_kernel", "part", "run", "take", "types",
 ]  # fmt: skip
 
-_IMPORT = re.compile(r"^\s*(?:from\s+(luxel[\w.]*)\s+import\s+\(?([\w,\s]+)|import\s+(luxel[\w.]*))", re.MULTILINE)
+_IMPORT = re.compile(r"^\s*(?:from\s+(luxel[\w.]*)\s+import\s+([\w, ]+|\([^)]*\))|import\s+(luxel[\w.]*))", re.MULTILINE)
 
 
 @lru_cache(maxsize=None)
@@ -57,7 +57,7 @@ def _imports(module: str) -> tuple[str, ...]:
     found = set()
     for origin, names, plain in _IMPORT.findall(path.read_text(encoding="utf-8")):
         found.add(plain or origin)
-        found |= {f"{origin}.{name.strip().split(' as ')[0]}" for name in names.split(",") if name.strip()}
+        found |= {f"{origin}.{name.strip().split(' as ')[0]}" for name in names.strip("()").split(",") if name.strip()}
     return tuple(sorted(name for name in found if _source(name)))
 
 
