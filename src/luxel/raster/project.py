@@ -27,6 +27,7 @@ from luxel.raster.constants import (
     OUT_NEAR,
     OUT_RIGHT,
     OUT_TOP,
+    SUBPIXEL_LOG2,
     UNSAFE,
 )
 
@@ -43,6 +44,14 @@ class Window(NamedTuple):
     height: int
     full_width: int
     full_height: int
+
+
+    def guard(self) -> Array:
+        """(4,) float64: normalised device coordinates at which triangles are clipped: left, right, bottom, top; a pixel within the guard band."""
+        low, high = (GUARD_LOW >> SUBPIXEL_LOG2) + 1, (GUARD_HIGH >> SUBPIXEL_LOG2) - 1
+        x = (np.array([low, high]) + self.x) / self.full_width * 2 - 1
+        y = 1 - (np.array([high, low]) + self.y) / self.full_height * 2
+        return np.concatenate([x, y])
 
 
 class View(NamedTuple):

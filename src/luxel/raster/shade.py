@@ -1,0 +1,501 @@
+"""Shade: attributes and light at what is visible. Floats decorate.
+
+Every tile's visible samples become fragments: one for a pixel and triangle, however many samples they share (or one for every sample when
+supersampling), at the pixel's centre if the triangle has all its samples, else at the mean of those it has, which lies inside it. Fragments
+are evaluated in batches, planar, so that the arithmetic runs in vector registers; a run of fragments of one triangle is set up once.
+
+Perspective-correct barycentric coordinates come from the exact edge functions of the snapped corners: b_i = e_i / w_i over their sum (the
+paper on barycentric hardware, with the division by w added), so they never leave 0..1 inside, and depend on the position alone.
+Derivatives per pixel are analytic: d(u) = (sum_i d(e_i) u_i / w_i - u sum_i d(e_i) / w_i) / sum_i e_i / w_i.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from luxel import jit
+from luxel.arrays import Array
+from luxel.raster.bin import Bins, Clipped
+from luxel.raster.channels import (
+    BATCH, CB, CR, DXX, DYX, FRAGMENTS, FRONT, FX, FY, FZ, NX, OA, OB, OG, OR, PITCH, PX, PY, PZ,
+    TX, TZ, U0, U0X, U0Y, U1, U1X, U1Y, VX, VY, VZ,
+)  # fmt: skip
+from luxel.raster.encode import srgb_code, unit_code
+from luxel.raster.geometry import Geometry
+from luxel.raster.lanes import prefetch
+from luxel.raster.lighting import LightTable, light
+from luxel.raster.materials import (
+    NEEDS_COLOR, NEEDS_FACE, NEEDS_NORMAL, NEEDS_TANGENT, NEEDS_UV0, NEEDS_UV1, NEEDS_VIEW, MaterialTable,
+)  # fmt: skip
+from luxel.raster.surface import surface
+
+_F = np.float32
+_GREEN, _BLUE, _ALPHA = np.int32(8), np.int32(16), np.int32(24)
+
+NEEDS_POSITION = 1 << 30
+"""Beside the materials' NEEDS_*: world positions, for lights that are somewhere and for views."""
+
+
+class Eye(NamedTuple):
+    """(3,) float64 place of the eye, and (3,) unit direction towards it with `parallel` True for orthographic cameras."""
+
+    place: Array
+    direction: Array
+    parallel: bool
+
+
+class Target(NamedTuple):
+    """Where shaded pixels go; arrays that are not wanted have no rows.
+
+    Attributes:
+        color: (h, w) uint32, sRGB and straight alpha, bytes R G B A.
+        linear: (h, w, 4) float32, premultiplied.
+        samples: (tiles, 4 * s * tile * tile) float32, premultiplied colour of every sample, planar; when it has rows, pixels are not written.
+    """
+
+    color: Array
+    linear: Array
+    samples: Array
+
+
+class Fragments(NamedTuple):
+    """A batch before shading; (FRAGMENTS,) each: drawn triangle, pixel in the tile, row of the material table, the samples it has."""
+
+    triangle: Array
+    pixel: Array
+    material: Array
+    mask: Array
+
+
+# Rows of the batch that only this file uses: place in the tile in pixels; s_i = e_i w_i; 1 / sum of s_i.
+QX, QY, S0, S1, S2, INVERSE = (BATCH + PITCH * row for row in range(6))
+_SIZE = BATCH + 6 * PITCH
+_QX, _QY, _S0, _S1, _S2, _INVERSE, _FRONT = (np.uint64(row) for row in (QX, QY, S0, S1, S2, INVERSE, FRONT))
+_PITCH = np.uint64(PITCH)
+_SHORT = 3  # fragments more; a run so long is worth a loop
+_AHEAD = 8  # fragments; so early are their vertices asked for
+
+
+@jit.part
+def gather_pixels(g, f, cursor, ids, tile, wide, high):
+    """The fragments of the tile's rows from `cursor` on, one sample a pixel, until the batch is full; returns (fragments, next pixel)."""
+    n = 0
+    triangle, pixel = f.triangle, f.pixel
+    while cursor < tile * high and n + wide <= FRAGMENTS:
+        for x in range(wide):
+            t = ids[cursor + x]
+            triangle[n], pixel[n] = t, cursor + x
+            n += 1 if t >= 0 else 0
+        cursor += tile
+    for i in range(n):
+        y = np.int32(_F(pixel[i]) / _F(tile))
+        g[QX + i] = _F(np.int32(pixel[i] - np.int32(y * np.int32(tile)))) + _F(0.5)
+        g[QY + i] = _F(y) + _F(0.5)
+    return n, cursor
+
+
+@jit.part
+def gather_samples(g, f, cursor, ids, pattern, every_sample, tile, wide, high):
+    """The same for several samples a pixel."""
+    n, samples, pixels = 0, len(pattern), tile * tile
+    triangle, pixel, mask = f.triangle, f.pixel, f.mask
+    last = tile * high
+    everything = ~np.uint64(0) >> np.uint64(64 - samples)
+    while cursor < last and n + samples <= FRAGMENTS:
+        x, y = cursor % tile, cursor // tile
+        if x >= wide:
+            cursor += tile - x
+            continue
+        t = ids[cursor]
+        differ = 1 if every_sample else 0
+        for s in range(1, samples):
+            differ |= ids[s * pixels + cursor] ^ t
+        if differ == 0:
+            triangle[n], pixel[n], mask[n] = t, cursor, everything
+            g[QX + n], g[QY + n] = _F(x) + _F(0.5), _F(y) + _F(0.5)
+            n += 1 if t >= 0 else 0
+            cursor += 1
+            continue
+        done = np.uint64(0)
+        for s in range(samples):
+            t = ids[s * pixels + cursor]
+            if t < 0 or done & (np.uint64(1) << np.uint64(s)) != 0:
+                continue
+            bits, count, sum_x, sum_y = np.uint64(0), 0, 0, 0
+            for r in range(s, s + 1 if every_sample else samples):
+                if ids[r * pixels + cursor] == t:
+                    bits |= np.uint64(1) << np.uint64(r)
+                    count += 1
+                    sum_x += pattern[r, 0]
+                    sum_y += pattern[r, 1]
+            done |= bits
+            triangle[n], pixel[n], mask[n] = t, cursor, bits
+            share = _F(1 / 256) / _F(count)
+            g[QX + n], g[QY + n] = _F(x) + _F(sum_x) * share, _F(y) + _F(sum_y) * share
+            n += 1
+        cursor += 1
+    return n, cursor
+
+
+# Loops below run over unsigned numbers: Numba tests signed indices for being negative, which keeps the compiler from vectorising.
+
+
+@jit.inlined
+def spread2(g, i, j, row, values, column, v):
+    """Two columns of an attribute of vertices `v` at fragments i .. j, divided by the sum of s_i."""
+    p0, p1, p2 = values[v[0], column], values[v[1], column], values[v[2], column]
+    q0, q1, q2 = values[v[0], column + 1], values[v[1], column + 1], values[v[2], column + 1]
+    p, q = np.uint64(row), np.uint64(row + PITCH)
+    for k in range(i, j):
+        s0, s1, s2, inverse = g[_S0 + k], g[_S1 + k], g[_S2 + k], g[_INVERSE + k]
+        g[p + k] = (s0 * p0 + s1 * p1 + s2 * p2) * inverse
+        g[q + k] = (s0 * q0 + s1 * q1 + s2 * q2) * inverse
+
+
+@jit.inlined
+def spread3(g, i, j, row, values, v):
+    """An attribute with three columns of vertices `v` at fragments i .. j, not divided by the sum of s_i."""
+    p0, p1, p2 = values[v[0], 0], values[v[1], 0], values[v[2], 0]
+    q0, q1, q2 = values[v[0], 1], values[v[1], 1], values[v[2], 1]
+    r0, r1, r2 = values[v[0], 2], values[v[1], 2], values[v[2], 2]
+    p, q, r = np.uint64(row), np.uint64(row + PITCH), np.uint64(row + 2 * PITCH)
+    for k in range(i, j):
+        s0, s1, s2 = g[_S0 + k], g[_S1 + k], g[_S2 + k]
+        g[p + k] = s0 * p0 + s1 * p1 + s2 * p2
+        g[q + k] = s0 * q0 + s1 * q1 + s2 * q2
+        g[r + k] = s0 * r0 + s1 * r1 + s2 * r2
+
+
+@jit.inlined
+def divide3(g, i, j, row):
+    """Divide an attribute with three columns by the sum of s_i."""
+    p, q, r = np.uint64(row), np.uint64(row + PITCH), np.uint64(row + 2 * PITCH)
+    for k in range(i, j):
+        inverse = g[_INVERSE + k]
+        g[p + k] *= inverse
+        g[q + k] *= inverse
+        g[r + k] *= inverse
+
+
+@jit.inlined
+def derive(g, i, j, row, x_row, y_row, values, columns, v, p, footprint):
+    """Derivatives per pixel (times `footprint`) along x and y of the divided attribute in `row`."""
+    sum_a, sum_b = p[0] + p[1] + p[2], p[3] + p[4] + p[5]
+    for column in range(columns):
+        p0, p1, p2 = values[v[0], column], values[v[1], column], values[v[2], column]
+        a, b = p[0] * p0 + p[1] * p1 + p[2] * p2, p[3] * p0 + p[4] * p1 + p[5] * p2
+        base, x_base, y_base = np.uint64(row + column * PITCH), np.uint64(x_row + column * PITCH), np.uint64(y_row + column * PITCH)
+        for k in range(i, j):
+            scale, here = g[_INVERSE + k] * footprint, g[base + k]
+            g[x_base + k] = (a - here * sum_a) * scale
+            g[y_base + k] = (b - here * sum_b) * scale
+
+
+@jit.inlined
+def planes(x0, y0, w0, x1, y1, w1, x2, y2, w2, extent):
+    """Planes of s_i = e_i w_i as a (per pixel along x) 3, b (along y) 3, c (at the reference point) 3, float32; the reference point's x and
+    y in pixels; and the sign that made them positive inside. Positions are fixed point from the tile's corner, float64.
+
+    The reference point is that of the tile nearest to corner 0: exact there, so accurate at all of a small triangle and in all of a tile,
+    and a matter of triangle and tile alone.
+    """
+    rx, ry = min(max(x0, 0.0), extent), min(max(y0, 0.0), extent)
+    e0 = (y2 - y1) * (rx - x1) + (x1 - x2) * (ry - y1)
+    e1 = (y0 - y2) * (rx - x2) + (x2 - x0) * (ry - y2)
+    e2 = (y1 - y0) * (rx - x0) + (x0 - x1) * (ry - y0)
+    front = 1.0 if e0 + e1 + e2 > 0.0 else -1.0
+    w0, w1, w2 = w0 * front, w1 * front, w2 * front
+    u0, u1, u2 = w0 * 256.0, w1 * 256.0, w2 * 256.0
+    return (
+        (_F((y2 - y1) * u0), _F((y0 - y2) * u1), _F((y1 - y0) * u2), _F((x1 - x2) * u0), _F((x2 - x0) * u1), _F((x0 - x1) * u2),
+         _F(e0 * w0), _F(e1 * w1), _F(e2 * w2)),
+        _F(rx * (1 / 256)), _F(ry * (1 / 256)), _F(front),
+    )  # fmt: skip
+
+
+@jit.inlined
+def source_planes(p, c):
+    """From planes over a piece made by clipping to planes over its source; c (3, 3): the piece's corners in the source."""
+    return (
+        p[0] * c[0, 0] + p[1] * c[1, 0] + p[2] * c[2, 0], p[0] * c[0, 1] + p[1] * c[1, 1] + p[2] * c[2, 1],
+        p[0] * c[0, 2] + p[1] * c[1, 2] + p[2] * c[2, 2],
+        p[3] * c[0, 0] + p[4] * c[1, 0] + p[5] * c[2, 0], p[3] * c[0, 1] + p[4] * c[1, 1] + p[5] * c[2, 1],
+        p[3] * c[0, 2] + p[4] * c[1, 2] + p[5] * c[2, 2],
+        p[6] * c[0, 0] + p[7] * c[1, 0] + p[8] * c[2, 0], p[6] * c[0, 1] + p[7] * c[1, 1] + p[8] * c[2, 1],
+        p[6] * c[0, 2] + p[7] * c[1, 2] + p[8] * c[2, 2],
+    )  # fmt: skip
+
+
+@jit.inlined
+def find_part(starts, t):
+    """Which range of `starts` holds t."""
+    low, high = 0, len(starts) - 1
+    while high - low > 1:
+        middle = (low + high) >> 1
+        if starts[middle] <= t:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@jit.inlined
+def face_normal(g, i, j, positions, v):
+    """Geometric normal of the triangle, by its winding."""
+    a, b, c = v
+    ux, uy, uz = positions[b, 0] - positions[a, 0], positions[b, 1] - positions[a, 1], positions[b, 2] - positions[a, 2]
+    vx, vy, vz = positions[c, 0] - positions[a, 0], positions[c, 1] - positions[a, 1], positions[c, 2] - positions[a, 2]
+    for k in range(i, j):
+        g[FX + k], g[FY + k], g[FZ + k] = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+
+
+@jit.part
+def attributes(g, f, n, px, py, tile, geometry, screen, screen_f, clipped, clipped_f, features, footprint, eye):
+    """Fill the rows of a batch that `features` asks for, a run of fragments of one triangle at a time."""
+    triangles, starts, triangle, material = geometry.triangles, geometry.part_start, f.triangle, f.material
+    positions, normals, colors, tangents = geometry.positions, geometry.normals, geometry.colors, geometry.tangents
+    texcoords, texcoords1, part_material = geometry.texcoords, geometry.texcoords1, geometry.part_material
+    clipped_source, clipped_screen, clipped_corners = clipped.source, clipped.screen, clipped.corners
+    m, part, extent = len(triangles), 0, np.float64(tile * 256)
+    ox, oy = np.float64(px * 256), np.float64(py * 256)
+    divided = features & (NEEDS_POSITION | NEEDS_VIEW | NEEDS_TANGENT | NEEDS_COLOR | NEEDS_UV0 | NEEDS_UV1) != 0
+    parts = len(part_material)
+    if parts == 1:
+        material[:n] = part_material[0]
+    i = 0
+    while i < n:
+        t = source = triangle[i]
+        ahead = triangle[i + _AHEAD] if i + _AHEAD < n else t
+        if ahead != t and ahead < m:
+            for k in range(3):
+                vertex = np.int64(triangles[ahead, k])
+                prefetch(screen, vertex * 4)
+                prefetch(normals, vertex * 3)
+        ahead = triangle[i + 2 * _AHEAD] if i + 2 * _AHEAD < n else t
+        if ahead != t and ahead < m:
+            prefetch(triangles, np.int64(ahead) * 3)
+        j = i + 1
+        if i + _SHORT < n and triangle[i + _SHORT] == t:  # short runs go one by one: their varying lengths would cost more in missed branches
+            while j < n and triangle[j] == t:
+                j += 1
+        if t < m:
+            a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+            p, rx, ry, front = planes(
+                screen[a, 0] - ox, screen[a, 1] - oy, np.float64(screen_f[a, 3]), screen[b, 0] - ox, screen[b, 1] - oy,
+                np.float64(screen_f[b, 3]), screen[c, 0] - ox, screen[c, 1] - oy, np.float64(screen_f[c, 3]), extent,
+            )  # fmt: skip
+        else:
+            k = t - m
+            source = clipped_source[k]
+            a, b, c = triangles[source, 0], triangles[source, 1], triangles[source, 2]
+            p, rx, ry, front = planes(
+                clipped_screen[k, 0, 0] - ox, clipped_screen[k, 0, 1] - oy, np.float64(clipped_f[k, 0, 3]),
+                clipped_screen[k, 1, 0] - ox, clipped_screen[k, 1, 1] - oy, np.float64(clipped_f[k, 1, 3]),
+                clipped_screen[k, 2, 0] - ox, clipped_screen[k, 2, 1] - oy, np.float64(clipped_f[k, 2, 3]), extent,
+            )  # fmt: skip
+            p = source_planes(p, clipped_corners[k])
+        v = a, b, c
+        if source < starts[part] or source >= starts[part + 1]:
+            part = find_part(starts, source)
+        row = part_material[part]
+        first, last = np.uint64(i), np.uint64(j)
+        if parts > 1:
+            for k in range(first, last):
+                material[k] = row
+        for k in range(first, last):
+            dx, dy = g[_QX + k] - rx, g[_QY + k] - ry
+            g[_S0 + k] = p[0] * dx + p[3] * dy + p[6]
+            g[_S1 + k] = p[1] * dx + p[4] * dy + p[7]
+            g[_S2 + k] = p[2] * dx + p[5] * dy + p[8]
+            g[_FRONT + k] = front
+        if divided:
+            for k in range(first, last):
+                g[_INVERSE + k] = _F(1.0) / (g[_S0 + k] + g[_S1 + k] + g[_S2 + k])
+        if features & NEEDS_NORMAL:  # of any length: no division
+            spread3(g, first, last, NX, normals, v)
+        if features & (NEEDS_POSITION | NEEDS_VIEW | NEEDS_TANGENT):
+            spread3(g, first, last, PX, positions, v)
+            divide3(g, first, last, PX)
+        if features & NEEDS_FACE:
+            face_normal(g, first, last, positions, v)
+        if features & NEEDS_COLOR:
+            spread2(g, first, last, CR, colors, 0, v)
+            spread2(g, first, last, CB, colors, 2, v)
+        if features & NEEDS_UV0:
+            spread2(g, first, last, U0, texcoords, 0, v)
+            derive(g, first, last, U0, U0X, U0Y, texcoords, 2, v, p, footprint)
+        if features & NEEDS_UV1:
+            spread2(g, first, last, U1, texcoords1, 0, v)
+            derive(g, first, last, U1, U1X, U1Y, texcoords1, 2, v, p, footprint)
+        if features & NEEDS_TANGENT:
+            if len(tangents) > 0:
+                spread2(g, first, last, TX, tangents, 0, v)
+                spread2(g, first, last, TZ, tangents, 2, v)
+            derive(g, first, last, PX, DXX, DYX, positions, 3, v, p, footprint)
+        i = j
+    if features & NEEDS_VIEW:
+        view_vectors(g, n, eye)
+
+
+@jit.part
+def view_vectors(g, n, eye):
+    """Unit vectors from the fragments to the eye."""
+    if eye.parallel:
+        for i in range(n):
+            g[VX + i], g[VY + i], g[VZ + i] = eye.direction[0], eye.direction[1], eye.direction[2]
+        return
+    ex, ey, ez = eye.place[0], eye.place[1], eye.place[2]
+    for i in range(n):
+        x, y, z = ex - g[PX + i], ey - g[PY + i], ez - g[PZ + i]
+        inverse = _F(1.0) / _F(math.sqrt(max(x * x + y * y + z * z, _F(1e-30))))
+        g[VX + i], g[VY + i], g[VZ + i] = x * inverse, y * inverse, z * inverse
+
+
+@jit.part
+def set_pixels(g, pixel, n, pixels, sums):
+    """Put the fragments, one a pixel, into `sums` (4 * pixels,), premultiplied."""
+    for i in range(n):
+        p, alpha = pixel[i], g[OA + i]
+        sums[p], sums[pixels + p] = g[OR + i] * alpha, g[OG + i] * alpha
+        sums[2 * pixels + p], sums[3 * pixels + p] = g[OB + i] * alpha, alpha
+
+
+@jit.part
+def add_to_pixels(g, f, n, samples, pixels, sums):
+    """Add the fragments to `sums` (4 * pixels,), each by its share of the pixel's samples, premultiplied."""
+    pixel, mask = f.pixel, f.mask
+    everything = ~np.uint64(0) >> np.uint64(64 - samples)
+    for i in range(n):
+        share, rest = 0, mask[i]
+        if rest == everything:
+            share = samples
+        else:
+            while rest != np.uint64(0):
+                rest &= rest - np.uint64(1)
+                share += 1
+        p, alpha = pixel[i], g[OA + i] * (_F(share) / _F(samples))
+        sums[p] += g[OR + i] * alpha
+        sums[pixels + p] += g[OG + i] * alpha
+        sums[2 * pixels + p] += g[OB + i] * alpha
+        sums[3 * pixels + p] += alpha
+
+
+@jit.part
+def lay_over_samples(g, f, n, samples, pixels, colors):
+    """Composite the fragments over what their samples hold, premultiplied; `colors` (4 * samples * pixels,)."""
+    plane = samples * pixels
+    for i in range(n):
+        alpha = g[OA + i]
+        under = _F(1.0) - alpha
+        for s in range(samples):
+            if f.mask[i] >> np.uint64(s) & np.uint64(1) != np.uint64(0):
+                p = s * pixels + f.pixel[i]
+                colors[p] = g[OR + i] * alpha + colors[p] * under
+                colors[plane + p] = g[OG + i] * alpha + colors[plane + p] * under
+                colors[2 * plane + p] = g[OB + i] * alpha + colors[2 * plane + p] * under
+                colors[3 * plane + p] = alpha + colors[3 * plane + p] * under
+
+
+@jit.part
+def write_row(sums, first, plane, y, left, count, exposure, background, color, linear):
+    """Lay `count` summed, premultiplied pixels over the background and write them from pixel (left, y) on, to the outputs that are wanted."""
+    br, bg, bb, ba = background[0], background[1], background[2], background[3]
+    if len(linear) > 0:
+        for x in range(count):
+            p = first + x
+            under = _F(1.0) - sums[3 * plane + p]
+            linear[y, left + x, 0] = sums[p] * exposure + under * br
+            linear[y, left + x, 1] = sums[plane + p] * exposure + under * bg
+            linear[y, left + x, 2] = sums[2 * plane + p] * exposure + under * bb
+            linear[y, left + x, 3] = sums[3 * plane + p] + under * ba
+    if len(color) > 0:
+        row = color[y]
+        for x in range(count):
+            p = np.uint64(first + x)
+            alpha = sums[np.uint64(3 * plane) + p]
+            under = _F(1.0) - alpha
+            alpha = alpha + under * ba
+            inverse = _F(1.0) / max(alpha, _F(1e-30))
+            red = srgb_code((sums[p] * exposure + under * br) * inverse)
+            green = srgb_code((sums[np.uint64(plane) + p] * exposure + under * bg) * inverse)
+            blue = srgb_code((sums[np.uint64(2 * plane) + p] * exposure + under * bb) * inverse)
+            row[np.uint64(left + x)] = np.uint32(
+                np.int32(red | np.int32(green << _GREEN)) | np.int32(np.int32(blue << _BLUE) | np.int32(unit_code(alpha) << _ALPHA))
+            )
+
+
+@jit.part
+def write_tile(sums, empty, tile, px, py, wide, high, exposure, background, color, linear):
+    """Write a tile's summed pixels; all pixels of an empty one are the same."""
+    for y in range(1 if empty else high):
+        write_row(sums, y * tile, tile * tile, py + y, px, wide, exposure, background, color, linear)
+    if empty and len(color) > 0:
+        color[py + 1 : py + high, px : px + wide] = color[py, px]
+    if empty and len(linear) > 0:
+        for k in range(4):
+            linear[py + 1 : py + high, px : px + wide, k] = linear[py, px, k]
+
+
+@jit.parallel_kernel
+def _shade(queue, first_tile, last_tile, across, tile, width, height, start, all_ids, pattern, every_sample, geometry, screen, screen_f,
+           clipped, clipped_f, materials, lights, eye, features, footprint, exposure, background, target):  # fmt: skip
+    geometry, clipped, materials, lights = jit.borrow(geometry), jit.borrow(clipped), jit.borrow(materials), jit.borrow(lights)
+    screen, screen_f, clipped_f, pattern = jit.borrow(screen), jit.borrow(screen_f), jit.borrow(clipped_f), jit.borrow(pattern)
+    ids, eye, background, target = jit.borrow(all_ids), jit.borrow(eye), jit.borrow(background), jit.borrow(target)
+    samples, pixels = len(pattern), tile * tile
+    own_g, own_sums = np.zeros(_SIZE, np.float32), np.zeros(4 * pixels, np.float32)
+    own_f = Fragments(
+        np.zeros(FRAGMENTS, np.int32), np.zeros(FRAGMENTS, np.int32), np.zeros(FRAGMENTS, np.int32), np.ones(FRAGMENTS, np.uint64)
+    )
+    g, sums, f = jit.borrow(own_g), jit.borrow(own_sums), jit.borrow(own_f)
+    to_samples = len(target.samples) > 0
+    number = first_tile + jit.take(queue)
+    while number < last_tile:
+        slot = number - first_tile
+        px, py = (number % across) * tile, (number // across) * tile
+        wide, high = min(tile, width - px), min(tile, height - py)
+        sums[:] = _F(0.0)
+        empty = start[number] == start[number + 1]
+        cursor = tile * high if empty else 0
+        while cursor < tile * high:
+            if samples == 1:
+                n, cursor = gather_pixels(g, f, cursor, ids[slot], tile, wide, high)
+            else:
+                n, cursor = gather_samples(g, f, cursor, ids[slot], pattern, every_sample, tile, wide, high)
+            attributes(g, f, n, px, py, tile, geometry, screen, screen_f, clipped, clipped_f, features, footprint, eye)
+            surface(g, f.material, n, materials)
+            light(g, n, lights)
+            if to_samples:
+                lay_over_samples(g, f, n, samples, pixels, target.samples[slot])
+            elif samples == 1:
+                set_pixels(g, f.pixel, n, pixels, sums)
+            else:
+                add_to_pixels(g, f, n, samples, pixels, sums)
+        if not to_samples:
+            write_tile(sums, empty, tile, px, py, wide, high, exposure, background, target.color, target.linear)
+        number = first_tile + jit.take(queue)
+    own_g[0] = own_sums[0] + own_f.triangle[0]  # the scratch must live until here: borrowing does not keep it
+
+
+def shade(bins: Bins, first_tile: int, last_tile: int, width: int, height: int, ids: Array, pattern: Array, every_sample: bool,
+          geometry: Geometry, screen: Array, clipped: Clipped, materials: MaterialTable, lights: LightTable, eye: Eye, features: int,
+          exposure: float, background: Array, target: Target, threads: int) -> None:  # fmt: skip
+    """Shade tiles first_tile .. last_tile - 1.
+
+    Args:
+        ids: (tiles, ...) int32, from `cover`.
+        every_sample: Supersampling: every sample is shaded, as if it were a pixel of a finer picture.
+        features: The rows of a batch to fill: NEEDS_* of `materials`, and NEEDS_POSITION.
+        exposure: Factor of the light.
+        background: (4,) float32, linear and premultiplied.
+        target: What is written.
+    """
+    footprint = _F(1 / math.sqrt(len(pattern)) if every_sample else 1)
+    jit.run(
+        _shade, min(threads, last_tile - first_tile), first_tile, last_tile, bins.across, bins.tile, width, height, bins.start, ids, pattern,
+        every_sample, geometry, screen, screen.view(np.float32), clipped, clipped.screen.view(np.float32), materials, lights, eye, features,
+        footprint, _F(exposure), background, target,
+    )  # fmt: skip
