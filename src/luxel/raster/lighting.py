@@ -39,6 +39,7 @@ _ZERO, _HALF, _ONE, _TWO, _EIGHT = (np.float32(x) for x in (0, 0.5, 1, 2, 8))
 _PI, _INVERSE_PI, _INVERSE_8PI, _TINY = (np.float32(x) for x in (math.pi, 1 / math.pi, 0.125 / math.pi, 1e-30))
 # Karis's constants.
 _K1, _K2, _K3, _K4, _K5, _K6, _K7 = (np.float32(x) for x in (0.0425, -0.0275, -9.28, -1.04, 1.04, -0.572, -0.04))
+_SHARPEST = np.float32(1e-8)  # below roughness^4 of the smoothest surface; keeps a missing normal from dividing by zero
 _GRAZING = np.float32(1e-4)  # least cosine to the eye, where interpolated normals turn away at silhouettes
 
 
@@ -297,7 +298,7 @@ def reflection(
     cx, cy, cz = ny * hz - nz * hy, nz * hx - nx * hz, nx * hy - ny * hx
     square = roughness * roughness
     square *= square
-    spread = square * nh * nh + (cx * cx + cy * cy + cz * cz)
+    spread = max(square * nh * nh + (cx * cx + cy * cy + cz * cz), _SHARPEST)
     rest = _ONE - square
     masking = nl * np.float32(math.sqrt(nv * nv * rest + square)) + nv * np.float32(math.sqrt(nl * nl * rest + square))
     lobe = _HALF * square * _INVERSE_PI / (spread * spread * masking)
