@@ -42,7 +42,7 @@ class _Finishes:
     ) -> None:
         """`color` is sRGB, as picked from a picture."""
         red, green, blue = (float(c) for c in linear_from_srgb([c / 255 for c in color]))
-        self.materials[name] = Material((red, green, blue, alpha), roughness=roughness, name=name, **rest)
+        self.materials[name] = Material((red, green, blue, alpha), roughness=roughness, shading="pbr", name=name, **rest)
 
 
 def _walls(
@@ -52,7 +52,7 @@ def _walls(
     repeats = (floor[0] / 2.4, floor[1] / 0.85)
     made.add(
         "floor",
-        roughness=0.42,
+        roughness=0.5,
         base_color_texture=made.texture("planks", color, scale=repeats),
         normal_texture=made.texture("plank joints", t.normal_map(groove, 1.2), srgb=False, scale=repeats),
         occlusion_texture=made.texture("floor occlusion", t.contact((200, 240), floor, footprints), srgb=False),

@@ -65,7 +65,7 @@ def planks(size: int = 512, rows: int = 6, seed: int = 3) -> tuple[Array, Array]
     value = tone + 0.45 * (grain[line, column] - 0.5) + 0.2 * (fibre[line, column] - 0.5)
     joint = np.minimum(np.abs(y * rows - np.round(y * rows)) / rows, np.abs(along - np.round(along)) / 2)
     groove = np.clip(joint * size / 1.5, 0, 1)
-    color = ramp(value, (0, (96, 62, 38)), (0.5, (150, 105, 66)), (1, (196, 150, 102)))
+    color = ramp(value, (0, (98, 58, 32)), (0.5, (158, 104, 60)), (1, (204, 150, 96)))
     return np.round(color * (0.45 + 0.55 * groove[..., None])).astype(np.uint8), groove
 
 
