@@ -123,6 +123,7 @@ def test_wrong_values_name_the_option(capsys, cube, tmp_path, option, value):
 def test_output_is_checked_before_the_work(capsys, tmp_path):
     assert "no folder" in error_of(capsys, "render", "no-such.obj", "-o", tmp_path / "no" / "a.png")
     assert "--output" in error_of(capsys, "render", "no-such.obj", "-o", "a.tga")
+    assert ".exr or .npz" in error_of(capsys, "render", "no-such.obj", "-o", "a.png", "--outputs", "color,depth")
 
 
 def test_the_unexpected_is_one_line_and_a_hint(capsys, monkeypatch, tmp_path):

@@ -5,7 +5,7 @@ import pytest
 
 from luxel.cli import values
 from luxel.cli.drawing import View, with_lightmap
-from luxel.errors import FileError, InputError
+from luxel.errors import ExtraMissingError, FileError, InputError
 from luxel.io.images import write_png
 from luxel.scene import Camera, Scene
 from luxel.scene.builtin import box, cornell_box, quad
@@ -72,12 +72,15 @@ def test_choice_and_names():
         values.names(" , ", ("color",), "--outputs")
 
 
-def test_output(tmp_path):
+def test_output(tmp_path, monkeypatch):
     assert values.output(tmp_path / "A.PNG", (".png",)) == tmp_path / "A.PNG"
     with pytest.raises(InputError, match=r"ends in one of .png"):
         values.output(tmp_path / "a.bmp", (".png",))
     with pytest.raises(FileError, match="no folder"):
         values.output(tmp_path / "no" / "a.png", (".png",))
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(ExtraMissingError, match=r"luxel\[exr\]"):
+        values.output(tmp_path / "a.exr", (".exr",))
     (tmp_path / "b.png").mkdir()
     with pytest.raises(FileError, match="a folder"):
         values.output(tmp_path / "b.png", (".png",))

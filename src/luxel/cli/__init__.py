@@ -31,9 +31,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _guarded(words: list[str]) -> int:
-    from luxel.cli.app import command
-
     try:
+        from luxel.cli.app import command
+
         result = command().main(words, prog_name="luxel", standalone_mode=False)
         code = result if isinstance(result, int) else 0
     except SystemExit as leaving:  # a reader that went away (typer's answer to EPIPE)

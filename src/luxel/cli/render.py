@@ -12,6 +12,7 @@ import typer
 
 from luxel.cli import values
 from luxel.cli.console import Console, Json, Quiet, seconds
+from luxel.errors import InputError
 
 if TYPE_CHECKING:
     from luxel.cli.drawing import View
@@ -75,7 +76,9 @@ Filter = Annotated[str, _sampling("--filter", metavar="NAME", help=f"From sample
 _look = partial(_option, "Look")
 _shadings = f"{', '.join(_SHADINGS)} [what the material asks for]."
 Shading = Annotated[str | None, _look("--shading", metavar="NAME", help=_shadings)]
-Background = Annotated[str, _look("--background", metavar="COLOR", help="'#rrggbb', a name, or none (transparent).")]
+Background = Annotated[
+    str, _look("--background", metavar="COLOR", help="'#rrggbb', a name, or none: transparent; white in a .jpg.")
+]
 Cull = Annotated[str, _look("--cull", metavar="WHAT", help="Hide back faces: material (as it says), back or none.")]
 Exposure = Annotated[float, _look("--exposure", metavar="EV", help="Brighter by so many stops.")]
 Lightmap = Annotated[Path | None, _look("--lightmap", metavar="FILE", help="A baked picture for TEXCOORD_1.")]
@@ -119,6 +122,7 @@ def render(
     from luxel.cli.drawing import EXTENSIONS, SAMPLES, View
 
     pixels = values.size(size)
+    opaque = output.suffix.lower() in (".jpg", ".jpeg")  # they have no transparency
     view = View(camera, azimuth, elevation, distance, fov, eye, target, up, ortho, turntable)
     options: dict[str, Any] = {
         "samples": values.choice(samples, SAMPLES, "--samples"),
@@ -127,12 +131,17 @@ def render(
         "filter": values.choice(filter, _FILTERS, "--filter"),
         "shading": None if shading is None else values.choice(shading, _SHADINGS, "--shading"),
         "cull": values.choice(cull, ("material", "back", "none"), "--cull"),
-        "background": values.background(background),
+        "background": values.background("white" if background == "none" and opaque else background),
         "outputs": values.names(outputs, _OUTPUTS, "--outputs"),
         "exposure": exposure,
         "threads": threads,
     }
     values.output(output, EXTENSIONS)
+    lost = set(options["outputs"]) - {"color"}
+    if lost and output.suffix.lower() not in (".exr", ".npz"):
+        raise InputError(
+            f"--outputs: {output.suffix} holds color alone; {', '.join(sorted(lost))} goes to .exr or .npz"
+        )
     _draw_file(Console(quiet, as_json), file, output, pixels, view, options, lightmap, crease_angle)
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import difflib
+import importlib.util
 import math
 import re
 from collections.abc import Collection
 from pathlib import Path
 from typing import TypeVar
 
-from luxel.errors import FileError, InputError
+from luxel.errors import ExtraMissingError, FileError, InputError
 
 T = TypeVar("T")
 
@@ -80,6 +81,8 @@ def output(path: Path, extensions: Collection[str], option: str = "--output") ->
     if path.suffix.lower() not in extensions:
         wanted = ", ".join(extensions)
         raise InputError(f"{option}: expected a file name that ends in one of {wanted}, got {str(path)!r}")
+    if path.suffix.lower() == ".exr" and importlib.util.find_spec("OpenEXR") is None:
+        raise ExtraMissingError("OpenEXR", "exr", f"writing {path}")
     if path.is_dir():
         raise FileError(path, "cannot write: it is a folder")
     if not path.parent.is_dir():
