@@ -87,17 +87,21 @@ def _uses(scene: Scene) -> tuple[set[int], set[int]]:
 def _fill(pool: TexturePool, i: int, texture: Texture, weighted: bool) -> None:
     if pool.textures[i, WIDE]:
         _fill_wide(pool, i, texture.image, weighted)
-    else:
-        build(texture.image.reshape(-1), texture.image.shape[2], pool.textures[i], pool.levels[i], pool.texels, weighted)
+        return
+    height, width, channels = texture.image.shape
+    starts = pool.levels[i]
+    store(texture.image.reshape(-1), channels, pool.texels[starts[0] : starts[0] + width * height])
+    for k in range(1, pool.textures[i, LEVELS]):
+        shrink(pool.texels, starts[k - 1], starts[k], width, _taps(width), _taps(height), int(pool.textures[i, SRGB]), weighted)
+        width, height = max(1, width // 2), max(1, height // 2)
 
 
 def _fill_wide(pool: TexturePool, i: int, image: Array, weighted: bool) -> None:
     level = expand(image)
     for k in range(pool.textures[i, LEVELS]):
+        level = halve(level, weighted) if k else level
         height, width = level.shape[:2]
         pool.radiance[pool.levels[i, k] : pool.levels[i, k] + height * width] = level.reshape(-1, 4)
-        if k + 1 < pool.textures[i, LEVELS]:
-            level = halve(level, weighted)
 
 
 def expand(image: Array) -> Array:
@@ -118,32 +122,26 @@ def halve(level: Array, weighted: bool = False) -> Array:
         return np.concatenate([mean[..., :3] / mean[..., 3:], mean[..., 3:] - _UNSEEN], 2)
     for axis in (0, 1):
         lines = np.moveaxis(level, axis, 0)
-        n, k = len(lines), max(1, len(lines) // 2)
-        weights = np.array([_taps(i, n) for i in range(k)], np.float32)[:, :, None, None]
-        level = np.zeros((k, *lines.shape[1:]), np.float32)
-        for tap in range(3 if n % 2 and n > 1 else min(n, 2)):
-            level += weights[:, tap] * lines[tap::2][:k]
-        level = np.moveaxis(level, 0, axis)
-    return np.ascontiguousarray(level)
+        weights = _taps(len(lines))
+        halved = [weights[:, tap, None, None] * lines[tap::2][: len(weights)] for tap in range(weights.shape[1])]
+        level = np.moveaxis(sum(halved), 0, axis)
+    return np.ascontiguousarray(level, np.float32)
 
 
-@inlined
-def _taps(i: int, n: int) -> tuple[np.float32, np.float32, np.float32]:
-    """Weights of the texels 2 i, 2 i + 1, 2 i + 2 of a row of n in texel i of the next level."""
+def _taps(n: int) -> Array:
+    """(k, 1..3) float32: the weights that texel i of the next level, of k, gives to the texels from 2 i on of a row of n."""
     if n == 1:
-        return _ONE, _ZERO, _ZERO
-    k, whole = n // 2, _ONE / np.float32(n)
-    if n % 2 == 0:
-        return whole * np.float32(k), whole * np.float32(k), _ZERO
-    return whole * np.float32(k - i), whole * np.float32(k), whole * np.float32(i + 1)
+        return np.ones((1, 1), np.float32)
+    k = n // 2
+    i = np.arange(k)
+    weights = np.stack([k - i, np.full(k, k), i + 1], 1) / n if n % 2 else np.full((k, 2), 0.5)
+    return weights.astype(np.float32)
 
 
 @kernel
-def build(image: Array, channels: int, info: Array, levels: Array, texels: Array, weighted: bool) -> None:
-    """Store an 8-bit picture, (h * w * channels,) uint8, and its mipmaps."""
-    width, height = info[WIDTH], info[HEIGHT]
-    first = texels[levels[0] : levels[0] + width * height]
-    for i in range(width * height):
+def store(image: Array, channels: int, texels: Array) -> None:
+    """Pack an 8-bit picture, (texels * channels,) uint8."""
+    for i in range(len(texels)):
         at = i * channels
         red, alpha = np.uint32(image[at]), _BYTE
         green, blue = red, red
@@ -151,26 +149,20 @@ def build(image: Array, channels: int, info: Array, levels: Array, texels: Array
             green, blue = np.uint32(image[at + 1]), np.uint32(image[at + 2])
         if channels == 2 or channels == 4:
             alpha = np.uint32(image[at + channels - 1])
-        first[i] = red | (green << _GREEN) | (blue << _BLUE) | (alpha << _ALPHA)
-    for level in range(1, info[LEVELS]):
-        shrink(texels, levels[level - 1], width, height, levels[level], info[SRGB], weighted)
-        width, height = max(1, width // 2), max(1, height // 2)
+        texels[i] = red | (green << _GREEN) | (blue << _BLUE) | (alpha << _ALPHA)
 
 
-@inlined
-def shrink(texels: Array, source: int, width: int, height: int, target: int, srgb: int, weighted: bool) -> None:
-    """Make the level at `target` from the level at `source`, which is width x height."""
-    new_width, new_height = max(1, width // 2), max(1, height // 2)
+@kernel
+def shrink(texels: Array, source: int, target: int, width: int, across: Array, down: Array, srgb: int, weighted: bool) -> None:
+    """Make the level at `target` from the level at `source`, whose rows are `width` long, with the weights of `_taps`."""
     page = np.uint32(srgb * 256)
-    for y in range(new_height):
-        wy = _taps(y, height)
-        for x in range(new_width):
-            wx = _taps(x, width)
+    for y in range(len(down)):
+        for x in range(len(across)):
             red, green, blue, alpha, whole = _ZERO, _ZERO, _ZERO, _ZERO, _ZERO
-            for j in range(3 if wy[2] > _ZERO else min(height, 2)):
-                for i in range(3 if wx[2] > _ZERO else min(width, 2)):
+            for j in range(down.shape[1]):
+                for i in range(across.shape[1]):
                     packed = texels[source + (2 * y + j) * width + 2 * x + i]
-                    share = wy[j] * wx[i]
+                    share = down[y, j] * across[x, i]
                     opacity = LUT[packed >> _ALPHA]
                     alpha += share * opacity
                     share *= opacity + _UNSEEN if weighted else _ONE
@@ -179,7 +171,7 @@ def shrink(texels: Array, source: int, width: int, height: int, target: int, srg
                     green += share * LUT[page + ((packed >> _GREEN) & _BYTE)]
                     blue += share * LUT[page + ((packed >> _BLUE) & _BYTE)]
             scale = _ONE / whole
-            texels[target + y * new_width + x] = pack(red * scale, green * scale, blue * scale, alpha, srgb)
+            texels[target + y * len(across) + x] = pack(red * scale, green * scale, blue * scale, alpha, srgb)
 
 
 @inlined

@@ -91,7 +91,7 @@ def footprint(major: np.float32, minor: np.float32) -> tuple[np.int32, np.float3
     if not major > _ONE:  # magnified, or not a number
         return np.int32(1), _ZERO
     major = min(major, _HUGE * _HUGE)
-    ratio = min(_PROBES, np.float32(math.sqrt(major / max(minor, _TINY * major))))
+    ratio = max(_ONE, min(_PROBES, np.float32(math.sqrt(major / max(minor, _TINY * major)))))
     probes = np.int32(ratio)
     if np.float32(probes) < ratio:
         probes = np.int32(probes + 1)
