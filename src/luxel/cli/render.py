@@ -137,6 +137,8 @@ def render(
         "threads": threads,
     }
     values.output(output, EXTENSIONS)
+    if pattern == "grid" and samples not in (1, 4):
+        raise InputError(f"--pattern grid: expected --samples 4, got {samples}")
     lost = set(options["outputs"]) - {"color"}
     if lost and output.suffix.lower() not in (".exr", ".npz"):
         raise InputError(

@@ -36,7 +36,7 @@ def cornell_box() -> Scene:
     emissive (radiance 17, 12, 4); a spot light that shines as the emitter does from afar, and a weak ambient, stand in
     where light is not transported.
     """
-    scene = Scene(name="cornell-box", ambient=Ambient((0.05, 0.045, 0.04), (0.14, 0.13, 0.11)))
+    scene = Scene(name="cornell-box", ambient=Ambient((0.1, 0.09, 0.075), (0.3, 0.27, 0.22)))
     matte = {color: _matte(color, name) for color, name in ((_WHITE, "white"), (_RED, "red"), (_GREEN, "green"))}
     for name, color, corners in _WALLS:
         scene.add(_rectangle(corners, name), matte[color])
