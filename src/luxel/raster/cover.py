@@ -49,9 +49,45 @@ def depth_plane(x0, y0, z0, x1, y1, z1, x2, y2, z2):
     return np.float32(base), np.float32(dx * 256.0), np.float32(dy * 256.0)
 
 
+@jit.inlined
+def load(t, triangles, screen, screen_f, clipped_screen, clipped_f):
+    """Corners of drawn triangle `t`: x0 y0 z0 x1 y1 z1 x2 y2 z2, fixed point int64 and float32 depths."""
+    m = len(triangles)
+    if t < m:
+        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        return (
+            np.int64(screen[a, 0]), np.int64(screen[a, 1]), screen_f[a, 2], np.int64(screen[b, 0]), np.int64(screen[b, 1]), screen_f[b, 2],
+            np.int64(screen[c, 0]), np.int64(screen[c, 1]), screen_f[c, 2],
+        )  # fmt: skip
+    k = t - m
+    return (
+        np.int64(clipped_screen[k, 0, 0]), np.int64(clipped_screen[k, 0, 1]), clipped_f[k, 0, 2],
+        np.int64(clipped_screen[k, 1, 0]), np.int64(clipped_screen[k, 1, 1]), clipped_f[k, 1, 2],
+        np.int64(clipped_screen[k, 2, 0]), np.int64(clipped_screen[k, 2, 1]), clipped_f[k, 2, 2],
+    )  # fmt: skip
+
+
+@jit.inlined
+def edges(x0, y0, x1, y1, x2, y2, ox, oy):
+    """a0 b0 c0 a1 b1 c1 a2 b2 c2 of the edge functions e = a x + b y + c, of positions from (ox, oy); e >= 0 in all three is inside.
+
+    Edge i is opposite corner i. A triangle seen from behind is turned first.
+    """
+    if area2(x0, y0, x1, y1, x2, y2) < 0:
+        x1, y1, x2, y2 = x2, y2, x1, y1
+    a0, b0 = y2 - y1, x1 - x2
+    a1, b1 = y0 - y2, x2 - x0
+    a2, b2 = y1 - y0, x0 - x1
+    return (
+        a0, b0, a0 * (ox - x1) + b0 * (oy - y1) + edge_bias(a0, b0),
+        a1, b1, a1 * (ox - x2) + b1 * (oy - y2) + edge_bias(a1, b1),
+        a2, b2, a2 * (ox - x0) + b2 * (oy - y0) + edge_bias(a2, b2),
+    )  # fmt: skip
+
+
 @jit.parallel_kernel
 def _cover(queue, first_tile, last_tile, across, tile, width, height, start, bin_ids, triangles, screen, screen_f,
-           clipped_screen, clipped_screen_f, pattern, depths, ids_out):  # fmt: skip
+           clipped_screen, clipped_screen_f, pattern, clear_all, depths, ids_out):  # fmt: skip
     m = len(triangles)
     samples = len(pattern)
     pixels = tile * tile
@@ -60,7 +96,7 @@ def _cover(queue, first_tile, last_tile, across, tile, width, height, start, bin
     number = first_tile + jit.take(queue)
     while number < last_tile:
         begin, end = start[number], start[number + 1]
-        if begin < end:
+        if begin < end or clear_all:
             slot = number - first_tile
             ids = ids_out[slot]
             depth = depths[slot] if keep_depth else own
@@ -77,29 +113,12 @@ def _cover(queue, first_tile, last_tile, across, tile, width, height, start, bin
                         prefetch(screen, np.int64(triangles[ahead, 0]) * 4)
                         prefetch(screen, np.int64(triangles[ahead, 1]) * 4)
                         prefetch(screen, np.int64(triangles[ahead, 2]) * 4)
-                if t < m:
-                    a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-                    x0, y0, z0 = np.int64(screen[a, 0]), np.int64(screen[a, 1]), screen_f[a, 2]
-                    x1, y1, z1 = np.int64(screen[b, 0]), np.int64(screen[b, 1]), screen_f[b, 2]
-                    x2, y2, z2 = np.int64(screen[c, 0]), np.int64(screen[c, 1]), screen_f[c, 2]
-                else:
-                    k = t - m
-                    x0, y0, z0 = np.int64(clipped_screen[k, 0, 0]), np.int64(clipped_screen[k, 0, 1]), clipped_screen_f[k, 0, 2]
-                    x1, y1, z1 = np.int64(clipped_screen[k, 1, 0]), np.int64(clipped_screen[k, 1, 1]), clipped_screen_f[k, 1, 2]
-                    x2, y2, z2 = np.int64(clipped_screen[k, 2, 0]), np.int64(clipped_screen[k, 2, 1]), clipped_screen_f[k, 2, 2]
+                x0, y0, z0, x1, y1, z1, x2, y2, z2 = load(t, triangles, screen, screen_f, clipped_screen, clipped_screen_f)
                 z, zx, zy = depth_plane(x0, y0, z0, x1, y1, z1, x2, y2, z2)
                 z_low, z_high = min(z0, min(z1, z2)), max(z0, max(z1, z2))
                 ref_x, ref_y = x0 >> 8, y0 >> 8
-                if area2(x0, y0, x1, y1, x2, y2) < 0:
-                    x1, y1, x2, y2 = x2, y2, x1, y1
-                # Edge i is opposite corner i; e_i = a_i x + b_i y + c_i is positive inside.
-                a0, b0 = y2 - y1, x1 - x2
-                a1, b1 = y0 - y2, x2 - x0
-                a2, b2 = y1 - y0, x0 - x1
                 ox, oy = px << 8, py << 8
-                c0 = a0 * (ox - x1) + b0 * (oy - y1) + edge_bias(a0, b0)
-                c1 = a1 * (ox - x2) + b1 * (oy - y2) + edge_bias(a1, b1)
-                c2 = a2 * (ox - x0) + b2 * (oy - y0) + edge_bias(a2, b2)
+                a0, b0, c0, a1, b1, c1, a2, b2, c2 = edges(x0, y0, x1, y1, x2, y2, ox, oy)
                 min_x, max_x = min(x0, min(x1, x2)) - ox, max(x0, max(x1, x2)) - ox
                 min_y, max_y = min(y0, min(y1, y2)) - oy, max(y0, max(y1, y2)) - oy
                 narrow = max_x - min_x <= NARROW << 8 and max_y - min_y <= MAX_STEP
@@ -154,14 +173,16 @@ def _cover(queue, first_tile, last_tile, across, tile, width, height, start, bin
 
 
 def cover(bins: Bins, triangles: Array, screen: Array, clipped: Clipped, pattern: Array, width: int, height: int,
-          first_tile: int, last_tile: int, ids: Array, depths: Array, threads: int) -> None:  # fmt: skip
+          first_tile: int, last_tile: int, ids: Array, depths: Array, threads: int, clear_all: bool = False) -> None:  # fmt: skip
     """Find the nearest triangle at each sample of tiles first_tile .. last_tile - 1.
 
     Args:
         ids: (tiles, s * tile * tile + LANES) int32, sample by sample,, written; drawn ids, `NOTHING` where none. Tiles with an empty bin are left as they are.
+        clear_all: Also clear tiles with an empty bin.
         depths: The same shape, float32, written (0 where nothing); or (0, ...) if the depths are not wanted.
     """
     jit.run(
         _cover, min(threads, last_tile - first_tile), first_tile, last_tile, bins.across, bins.tile, width, height, bins.start,
-        bins.triangles, triangles, screen, screen.view(np.float32), clipped.screen, clipped.screen.view(np.float32), pattern, depths, ids,
+        bins.triangles, triangles, screen, screen.view(np.float32), clipped.screen, clipped.screen.view(np.float32), pattern,
+        clear_all, depths, ids,
     )  # fmt: skip

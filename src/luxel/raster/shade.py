@@ -440,8 +440,8 @@ def write_tile(sums, empty, tile, px, py, wide, high, exposure, background, colo
 
 
 @jit.parallel_kernel
-def _shade(queue, first_tile, last_tile, across, tile, width, height, start, all_ids, pattern, every_sample, geometry, screen, screen_f,
-           clipped, clipped_f, materials, lights, eye, features, footprint, exposure, background, target):  # fmt: skip
+def _shade(queue, first_tile, last_tile, across, tile, width, height, occupied, all_ids, pattern, every_sample, geometry, screen, screen_f,
+           clipped, clipped_f, materials, lights, eye, features, footprint, exposure, background, left, top, target):  # fmt: skip
     geometry, clipped, materials, lights = jit.borrow(geometry), jit.borrow(clipped), jit.borrow(materials), jit.borrow(lights)
     screen, screen_f, clipped_f, pattern = jit.borrow(screen), jit.borrow(screen_f), jit.borrow(clipped_f), jit.borrow(pattern)
     ids, eye, background, target = jit.borrow(all_ids), jit.borrow(eye), jit.borrow(background), jit.borrow(target)
@@ -458,7 +458,7 @@ def _shade(queue, first_tile, last_tile, across, tile, width, height, start, all
         px, py = (number % across) * tile, (number // across) * tile
         wide, high = min(tile, width - px), min(tile, height - py)
         sums[:] = _F(0.0)
-        empty = start[number] == start[number + 1]
+        empty = occupied[number] == 0
         cursor = tile * high if empty else 0
         while cursor < tile * high:
             if samples == 1:
@@ -475,27 +475,80 @@ def _shade(queue, first_tile, last_tile, across, tile, width, height, start, all
             else:
                 add_to_pixels(g, f, n, samples, pixels, sums)
         if not to_samples:
-            write_tile(sums, empty, tile, px, py, wide, high, exposure, background, target.color, target.linear)
+            write_tile(sums, empty, tile, left + px, top + py, wide, high, exposure, background, target.color, target.linear)
         number = first_tile + jit.take(queue)
     own_g[0] = own_sums[0] + own_f.triangle[0]  # the scratch must live until here: borrowing does not keep it
 
 
-def shade(bins: Bins, first_tile: int, last_tile: int, width: int, height: int, ids: Array, pattern: Array, every_sample: bool,
-          geometry: Geometry, screen: Array, clipped: Clipped, materials: MaterialTable, lights: LightTable, eye: Eye, features: int,
-          exposure: float, background: Array, target: Target, threads: int) -> None:  # fmt: skip
+def shade(bins: Bins, occupied: Array, first_tile: int, last_tile: int, width: int, height: int, ids: Array, pattern: Array,
+          every_sample: bool, geometry: Geometry, screen: Array, clipped: Clipped, materials: MaterialTable, lights: LightTable, eye: Eye,
+          features: int, exposure: float, background: Array, left: int, top: int, target: Target, threads: int) -> None:  # fmt: skip
     """Shade tiles first_tile .. last_tile - 1.
 
     Args:
-        ids: (tiles, ...) int32, from `cover`.
+        bins: Their size and number across.
+        occupied: (tiles,) uint8 of the whole window, 0 where no triangle may be and ids are not to be read.
+        ids: (tiles, ...) int32, from `cover` or `layer`.
         every_sample: Supersampling: every sample is shaded, as if it were a pixel of a finer picture.
         features: The rows of a batch to fill: NEEDS_* of `materials`, and NEEDS_POSITION.
         exposure: Factor of the light.
         background: (4,) float32, linear and premultiplied.
+        left, top: Where the window lies in the target.
         target: What is written.
     """
     footprint = _F(1 / math.sqrt(len(pattern)) if every_sample else 1)
     jit.run(
-        _shade, min(threads, last_tile - first_tile), first_tile, last_tile, bins.across, bins.tile, width, height, bins.start, ids, pattern,
+        _shade, min(threads, last_tile - first_tile), first_tile, last_tile, bins.across, bins.tile, width, height, occupied, ids, pattern,
         every_sample, geometry, screen, screen.view(np.float32), clipped, clipped.screen.view(np.float32), materials, lights, eye, features,
-        footprint, _F(exposure), background, target,
+        footprint, _F(exposure), background, left, top, target,
     )  # fmt: skip
+
+
+@jit.parallel_kernel
+def _light_vertices(queue, normals, positions, colors, vertex_material, materials, lights, eye, lit):
+    positions, normals, colors, lit = jit.borrow(positions), jit.borrow(normals), jit.borrow(colors), jit.borrow(lit)
+    materials, lights, eye, vertex_material = jit.borrow(materials), jit.borrow(lights), jit.borrow(eye), jit.borrow(vertex_material)
+    own_g = np.zeros(_SIZE, np.float32)
+    g = jit.borrow(own_g)
+    block = jit.take(queue)
+    while block * FRAGMENTS < len(positions):
+        first = block * FRAGMENTS
+        n = min(FRAGMENTS, len(positions) - first)
+        for i in range(n):
+            g[FRONT + i] = _F(1.0)
+            for k in range(3):
+                g[NX + k * PITCH + i] = normals[first + i, k]
+                g[PX + k * PITCH + i] = positions[first + i, k]
+            for k in range(4):
+                g[CR + k * PITCH + i] = colors[first + i, k] if len(colors) > 0 else _F(1.0)
+        view_vectors(g, n, eye)
+        surface(g, vertex_material[first:], n, materials)
+        light(g, n, lights)
+        for i in range(n):
+            lit[first + i, 0], lit[first + i, 1], lit[first + i, 2] = g[OR + i], g[OG + i], g[OB + i]
+            lit[first + i, 3] = g[OA + i]
+        block = jit.take(queue)
+    own_g[0] = 0  # the scratch must live until here: borrowing does not keep it
+
+
+def light_vertices(geometry: Geometry, chosen: Array, materials: MaterialTable, lights: LightTable, eye: Eye, threads: int) -> Array:
+    """Vertex colours for Gouraud shading.
+
+    Args:
+        chosen: (materials,) bool: the rows of `materials` that are Gouraud; other vertices keep their colour.
+        materials: From `pack_materials` with vertices=True.
+
+    Returns:
+        (n, 4) float32.
+    """
+    count = len(geometry.positions)
+    material = np.zeros(count, np.int32)
+    for i, row in enumerate(geometry.part_material):
+        material[geometry.triangles[geometry.part_start[i] : geometry.part_start[i + 1]]] = row
+    lit = np.empty((count, 4), np.float32)
+    jit.run(_light_vertices, min(threads, 1 + count // FRAGMENTS), geometry.normals, geometry.positions, geometry.colors, material, materials,
+            lights, eye, lit)  # fmt: skip
+    rest = ~chosen[material]
+    if rest.any():
+        lit[rest] = geometry.colors[rest] if len(geometry.colors) else 1.0
+    return lit

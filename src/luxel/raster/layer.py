@@ -1,0 +1,144 @@
+"""Layer: coverage of alpha-masked and of blended triangles, sample by sample, on top of what `cover` found.
+
+Masked triangles (glTF's MASK) take part in the nearest-wins decision at the samples where their alpha reaches the cut-off. Blended ones
+(BLEND) are peeled back to front: each pass finds, at every sample, the farthest blended triangle that is nearer than the layer before it,
+the first layer being the opaque picture. So they composite in exact depth order per sample, by as many passes as there are layers, and of
+equally near ones the lower id lies on top. Set-up, edges and depth are `cover`'s.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from luxel import jit
+from luxel.arrays import Array
+from luxel.raster.bin import Bins, Clipped
+from luxel.raster.constants import NOTHING
+from luxel.raster.cover import depth_plane, edges, load
+from luxel.raster.geometry import Geometry
+from luxel.raster.materials import MaterialTable
+from luxel.raster.shade import find_part, planes, source_planes
+from luxel.raster.surface import mask_alpha
+
+_F = np.float32
+
+
+@jit.part
+def opaque_at(t, x, y, geometry, screen, screen_f, clipped, clipped_f, materials, cutoff_column):
+    """Whether masked triangle `t` is there at the fixed-point position (x, y): its alpha reaches the cut-off."""
+    triangles, m = geometry.triangles, len(geometry.triangles)
+    ox, oy = np.float64(x), np.float64(y)
+    source = t
+    if t < m:
+        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        p, _, _, _ = planes(
+            screen[a, 0] - ox, screen[a, 1] - oy, np.float64(screen_f[a, 3]), screen[b, 0] - ox, screen[b, 1] - oy,
+            np.float64(screen_f[b, 3]), screen[c, 0] - ox, screen[c, 1] - oy, np.float64(screen_f[c, 3]), 0.0,
+        )  # fmt: skip
+    else:
+        k = t - m
+        source = clipped.source[k]
+        a, b, c = triangles[source, 0], triangles[source, 1], triangles[source, 2]
+        p, _, _, _ = planes(
+            clipped.screen[k, 0, 0] - ox, clipped.screen[k, 0, 1] - oy, np.float64(clipped_f[k, 0, 3]),
+            clipped.screen[k, 1, 0] - ox, clipped.screen[k, 1, 1] - oy, np.float64(clipped_f[k, 1, 3]),
+            clipped.screen[k, 2, 0] - ox, clipped.screen[k, 2, 1] - oy, np.float64(clipped_f[k, 2, 3]), 0.0,
+        )  # fmt: skip
+        p = source_planes(p, clipped.corners[k])
+    inverse = _F(1.0) / (p[6] + p[7] + p[8])
+    b0, b1, b2 = p[6] * inverse, p[7] * inverse, p[8] * inverse
+    u0 = v0 = u1 = v1 = _F(0.0)
+    uv, uv1, colors = geometry.texcoords, geometry.texcoords1, geometry.colors
+    if len(uv) > 0:
+        u0, v0 = b0 * uv[a, 0] + b1 * uv[b, 0] + b2 * uv[c, 0], b0 * uv[a, 1] + b1 * uv[b, 1] + b2 * uv[c, 1]
+    if len(uv1) > 0:
+        u1, v1 = b0 * uv1[a, 0] + b1 * uv1[b, 0] + b2 * uv1[c, 0], b0 * uv1[a, 1] + b1 * uv1[b, 1] + b2 * uv1[c, 1]
+    row = geometry.part_material[find_part(geometry.part_start, source)]
+    alpha = mask_alpha(materials, row, u0, v0, u1, v1)
+    if len(colors) > 0:
+        alpha *= b0 * colors[a, 3] + b1 * colors[b, 3] + b2 * colors[c, 3]
+    return alpha >= materials.floats[row, cutoff_column]
+
+
+@jit.parallel_kernel
+def _layer(queue, first_tile, last_tile, across, tile, width, height, start, bin_ids, geometry, screen, screen_f, clipped, clipped_f,
+           materials, cutoff_column, pattern, peel, depths, all_ids, next_depths, next_ids, found):  # fmt: skip
+    geometry, clipped, materials = jit.borrow(geometry), jit.borrow(clipped), jit.borrow(materials)
+    triangles, clipped_screen, clipped_source = geometry.triangles, clipped.screen, clipped.source
+    m, samples, pixels = len(triangles), len(pattern), tile * tile
+    number = first_tile + jit.take(queue)
+    while number < last_tile:
+        slot = number - first_tile
+        px, py = (number % across) * tile, (number // across) * tile
+        wide, high = min(tile, width - px), min(tile, height - py)
+        if peel:
+            next_ids[slot, :] = NOTHING
+            next_depths[slot, :] = _F(np.inf)
+        for q in range(start[number], start[number + 1]):
+            t = bin_ids[q]
+            source = t if t < m else clipped_source[t - m]
+            x0, y0, z0, x1, y1, z1, x2, y2, z2 = load(t, triangles, screen, screen_f, clipped_screen, clipped_f)
+            z, zx, zy = depth_plane(x0, y0, z0, x1, y1, z1, x2, y2, z2)
+            z_low, z_high = min(z0, min(z1, z2)), max(z0, max(z1, z2))
+            ref_x, ref_y, ox, oy = x0 >> 8, y0 >> 8, px << 8, py << 8
+            a0, b0, c0, a1, b1, c1, a2, b2, c2 = edges(x0, y0, x1, y1, x2, y2, ox, oy)
+            min_x, max_x = min(x0, min(x1, x2)) - ox, max(x0, max(x1, x2)) - ox
+            min_y, max_y = min(y0, min(y1, y2)) - oy, max(y0, max(y1, y2)) - oy
+            for s in range(samples):
+                sx, sy = np.int64(pattern[s, 0]), np.int64(pattern[s, 1])
+                lx, hx = max((min_x - sx + 255) >> 8, 0), min((max_x - sx) >> 8, wide - 1)
+                ly, hy = max((min_y - sy + 255) >> 8, 0), min((max_y - sy) >> 8, high - 1)
+                fx = _F(px - ref_x) + _F(sx) * _F(1 / 256)
+                fy = _F(py - ref_y) + _F(sy) * _F(1 / 256)
+                for y in range(ly, hy + 1):
+                    zr = z + zy * (fy + _F(y))
+                    for x in range(lx, hx + 1):
+                        at_x, at_y = (x << 8) + sx, (y << 8) + sy
+                        if (c0 + a0 * at_x + b0 * at_y) | (c1 + a1 * at_x + b1 * at_y) | (c2 + a2 * at_x + b2 * at_y) < 0:
+                            continue
+                        d = zr + zx * (fx + _F(x))
+                        d = d if d > z_low else z_low
+                        d = d if d < z_high else z_high
+                        i = s * pixels + y * tile + x
+                        now, here = all_ids[slot, i], depths[slot, i]
+                        now = now if now < m else clipped_source[now - m]
+                        if not (d > here or (d == here and source < now)):
+                            continue
+                        if not peel:
+                            if opaque_at(t, ox + at_x, oy + at_y, geometry, screen, screen_f, clipped, clipped_f, materials, cutoff_column):
+                                all_ids[slot, i], depths[slot, i] = t, d
+                            continue
+                        best, far = next_ids[slot, i], next_depths[slot, i]
+                        best = best if best < m else clipped_source[best - m]
+                        if d < far or (d == far and source > best):
+                            next_ids[slot, i], next_depths[slot, i] = t, d
+                            found[slot] = 1
+        if peel:  # what this pass found is what the next must be nearer than
+            for i in range(samples * pixels):
+                if next_ids[slot, i] >= 0:
+                    all_ids[slot, i], depths[slot, i] = next_ids[slot, i], next_depths[slot, i]
+        number = first_tile + jit.take(queue)
+
+
+def layer(bins: Bins, geometry: Geometry, screen: Array, clipped: Clipped, materials: MaterialTable, pattern: Array, width: int, height: int,
+          first_tile: int, last_tile: int, ids: Array, depths: Array, threads: int, peeled: Array | None = None) -> bool:  # fmt: skip
+    """Draw the masked triangles of `bins`, or peel one layer of blended ones.
+
+    Args:
+        ids, depths: (tiles, ...), from `cover` with all tiles cleared; updated. When peeling they keep the nearest layer found so far.
+        peeled: (tiles, ...) int32 to peel: gets the ids of the next layer, `NOTHING` where there is none.
+
+    Returns:
+        Whether peeling found anything; False for masked triangles.
+    """
+    from luxel.raster.materials import CUTOFF
+
+    peel = peeled is not None
+    nothing = np.empty((0, ids.shape[1]), np.int32)
+    found = np.zeros(last_tile - first_tile, np.int32)
+    jit.run(
+        _layer, min(threads, last_tile - first_tile), first_tile, last_tile, bins.across, bins.tile, width, height, bins.start, bins.triangles,
+        geometry, screen, screen.view(np.float32), clipped, clipped.screen.view(np.float32), materials, CUTOFF, pattern, peel, depths, ids,
+        np.empty(ids.shape if peel else (0, ids.shape[1]), np.float32), peeled if peel else nothing, found,
+    )  # fmt: skip
+    return bool(found.any())

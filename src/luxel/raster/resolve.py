@@ -1,0 +1,123 @@
+"""Resolve: from the colours of samples to pixels, by a reconstruction filter.
+
+The box filter over one pixel is the plain average, and `shade` takes it on the way; this is for the wider filters, and for blended
+layers, which must be composited per sample first. Colours are linear and premultiplied; weights sum to one, at the picture's border too.
+Mitchell: Mitchell and Netravali 1988, B = C = 1/3. Blackman-Harris: Harris 1978, four terms.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from luxel import jit
+from luxel.arrays import Array
+from luxel.errors import InputError
+from luxel.raster.shade import write_row
+
+_F = np.float32
+
+
+def _mitchell(x: float) -> float:
+    x = abs(x)
+    if x < 1:
+        return (21 * x**3 - 36 * x**2 + 16) / 18
+    return (-7 * x**3 + 36 * x**2 - 60 * x + 32) / 18
+
+
+def _blackman_harris(x: float) -> float:
+    angle = math.pi * (x / 1.5 + 1)
+    return 0.35875 - 0.48829 * math.cos(angle) + 0.14128 * math.cos(2 * angle) - 0.01168 * math.cos(3 * angle)
+
+
+FILTERS = {
+    "box": (0.5, lambda x: 1.0),
+    "tent": (1.0, lambda x: 1 - abs(x)),
+    "gaussian": (1.5, lambda x: math.exp(-2 * x * x) - math.exp(-4.5)),
+    "mitchell": (2.0, _mitchell),
+    "blackman-harris": (1.5, _blackman_harris),
+}
+"""Name: (radius in pixels, weight at a distance up to it along one axis)."""
+
+
+def filter_taps(name: str, pattern: Array) -> tuple[Array, Array]:
+    """The samples that a pixel's colour is made of.
+
+    Args:
+        name: One of FILTERS.
+        pattern: (s, 2) int32 sample positions in 1/256 pixel.
+
+    Returns:
+        taps (k, 3) int32: pixel offset along x and y, and sample; weights (k,) float32, summing to 1.
+
+    Raises:
+        InputError: No such filter.
+    """
+    if name not in FILTERS:
+        raise InputError(f"filter: expected one of {', '.join(FILTERS)}; got {name!r}")
+    radius, weight = FILTERS[name]
+    reach = math.ceil(radius)
+    taps, weights = [], []
+    for dy in range(-reach, reach + 1):
+        for dx in range(-reach, reach + 1):
+            for s, (sx, sy) in enumerate(pattern / 256 - 0.5):
+                x, y = dx + sx, dy + sy
+                # A box holds its pixel's own samples; of the others, those on the rim weigh nothing.
+                if (dx == dy == 0) if name == "box" else (abs(x) < radius and abs(y) < radius):
+                    taps.append((dx, dy, s))
+                    weights.append(weight(x) * weight(y))
+    if not taps or abs(sum(weights)) < 1e-6:
+        raise InputError(f"filter {name}: the samples lie where it is zero")
+    return np.array(taps, np.int32), (np.array(weights) / sum(weights)).astype(np.float32)
+
+
+@jit.parallel_kernel
+def _resolve(queue, first_row, last_row, width, height, band_top, band_rows, across, tile, samples, colors, taps, weights, left, top,
+             exposure, background, color, linear):  # fmt: skip
+    pixels, step = tile * tile, 256
+    own = np.zeros(4 * step, np.float32)
+    sums, color, linear = jit.borrow(own), jit.borrow(color), jit.borrow(linear)
+    y = first_row + jit.take(queue)
+    while y < last_row:
+        for start in range(0, width, step):
+            count = min(step, width - start)
+            for i in range(count):
+                x, total = start + i, _F(0.0)
+                red = green = blue = alpha = _F(0.0)
+                for k in range(len(taps)):
+                    sx, sy = x + taps[k, 0], y + taps[k, 1]
+                    if sx < 0 or sy < 0 or sx >= width or sy >= height or sy < band_top or sy >= band_top + band_rows:
+                        continue
+                    slot = (sy // tile - band_top // tile) * across + sx // tile
+                    p = taps[k, 2] * pixels + (sy % tile) * tile + sx % tile
+                    plane, weight = samples * pixels, weights[k]
+                    total += weight
+                    red += weight * colors[slot, p]
+                    green += weight * colors[slot, plane + p]
+                    blue += weight * colors[slot, 2 * plane + p]
+                    alpha += weight * colors[slot, 3 * plane + p]
+                inverse = _F(1.0) / total
+                sums[i], sums[step + i] = red * inverse, green * inverse
+                sums[2 * step + i], sums[3 * step + i] = blue * inverse, min(max(alpha * inverse, _F(0.0)), _F(1.0))
+            write_row(sums, 0, step, top + y, left + start, count, exposure, background, color, linear)
+        y = first_row + jit.take(queue)
+    own[0] = 0  # the scratch must live until here: borrowing does not keep it
+
+
+def resolve(first_row: int, last_row: int, width: int, height: int, band_top: int, band_rows: int, across: int, tile: int, samples: int,
+            colors: Array, taps: Array, weights: Array, left: int, top: int, exposure: float, background: Array, color: Array,
+            linear: Array, threads: int) -> None:  # fmt: skip
+    """Filter the pixel rows first_row .. last_row - 1 of a window.
+
+    Args:
+        width, height: Of the window; what lies outside has no weight.
+        band_top, band_rows: The rows whose samples are in `colors`, whole tiles.
+        colors: (tiles, 4 * samples * tile * tile) float32, premultiplied, planar.
+        taps, weights: From `filter_taps`.
+        left, top: Where the window lies in `color` and `linear`.
+    """
+    jit.run(
+        _resolve, min(threads, last_row - first_row), first_row, last_row, width, height, band_top, band_rows, across, tile, samples, colors,
+        taps, weights, left, top, _F(exposure), background, color, linear,
+    )  # fmt: skip
