@@ -20,15 +20,50 @@ from luxel import jit
 from luxel.arrays import Array
 from luxel.raster.bin import Bins, Clipped
 from luxel.raster.channels import (
-    BATCH, CB, CR, DXX, DYX, FRAGMENTS, FRONT, FX, FY, FZ, NX, OA, OB, OG, OR, PITCH, PX, PY, PZ,
-    TX, TZ, U0, U0X, U0Y, U1, U1X, U1Y, VX, VY, VZ,
+    BATCH,
+    CB,
+    CR,
+    DXX,
+    DYX,
+    FRAGMENTS,
+    FRONT,
+    FX,
+    FY,
+    FZ,
+    NX,
+    OA,
+    OB,
+    OG,
+    OR,
+    PITCH,
+    PX,
+    PY,
+    PZ,
+    TX,
+    TZ,
+    U0,
+    U0X,
+    U0Y,
+    U1,
+    U1X,
+    U1Y,
+    VX,
+    VY,
+    VZ,
 )  # fmt: skip
 from luxel.raster.encode import srgb_code, unit_code
 from luxel.raster.geometry import Geometry
 from luxel.raster.lanes import prefetch
 from luxel.raster.lighting import LightTable, light
 from luxel.raster.materials import (
-    NEEDS_COLOR, NEEDS_FACE, NEEDS_NORMAL, NEEDS_TANGENT, NEEDS_UV0, NEEDS_UV1, NEEDS_VIEW, MaterialTable,
+    NEEDS_COLOR,
+    NEEDS_FACE,
+    NEEDS_NORMAL,
+    NEEDS_TANGENT,
+    NEEDS_UV0,
+    NEEDS_UV1,
+    NEEDS_VIEW,
+    MaterialTable,
 )  # fmt: skip
 from luxel.raster.surface import surface
 

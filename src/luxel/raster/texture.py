@@ -17,7 +17,19 @@ from luxel.jit import inlined, part
 from luxel.raster.arithmetic import log2
 from luxel.raster.channels import PITCH, TEXA, TEXB, TEXG, TEXR
 from luxel.raster.mipmap import (
-    CLAMP, FILTER, HEIGHT, LEVELS, LUT, NEAREST, REPEAT, SRGB, TRILINEAR, WIDE, WIDTH, WRAP_U, WRAP_V,
+    CLAMP,
+    FILTER,
+    HEIGHT,
+    LEVELS,
+    LUT,
+    NEAREST,
+    REPEAT,
+    SRGB,
+    TRILINEAR,
+    WIDE,
+    WIDTH,
+    WRAP_U,
+    WRAP_V,
 )  # fmt: skip
 
 PROBES = 4
@@ -136,9 +148,16 @@ def unwrap(u: np.float32, wrap: int) -> np.float32:
     if wrap == CLAMP:
         return min(_ONE, max(_ZERO, u))
     if wrap == REPEAT:
-        return u - np.float32(math.floor(u))
-    u = u - _TWO * np.float32(math.floor(_HALF * u))
+        return u - whole(u)
+    u = u - _TWO * whole(_HALF * u)
     return _TWO - u if u > _ONE else u
+
+
+@inlined
+def whole(x: np.float32) -> np.float32:
+    """The largest whole number that is not above x, for |x| < 2^31; math.floor would be a call of the C library."""
+    cut = np.float32(np.int32(x))
+    return cut - _ONE if x < cut else cut
 
 
 @inlined
