@@ -68,9 +68,7 @@ def _version(wanted: bool) -> None:
 @app.callback()
 def start(
     context: typer.Context,
-    version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and exit.")
-    ] = False,
+    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and exit.")] = False,
     traceback: Annotated[bool, typer.Option("--traceback", help="Show where in the code an error came from.")] = False,
 ) -> None:
     """Draw triangle scenes to exact, anti-aliased pictures: no display, driver or GPU needed."""

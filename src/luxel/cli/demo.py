@@ -15,13 +15,9 @@ EXAMPLE = "luxel demo -o room.png --size 1920x1080"
 
 
 def demo(
-    output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="FILE", help="The picture: .png, .jpg, .exr or .npz.")
-    ] = Path("luxel-demo.png"),
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="The picture: .png, .jpg, .exr or .npz.")] = Path("luxel-demo.png"),
     size: Annotated[str, typer.Option("--size", metavar="WxH", help="Pixels.")] = "1280x720",
-    scene: Annotated[
-        str, typer.Option("--scene", metavar="NAME", help="room, cornell-box, bumpy-sphere or two-triangles.")
-    ] = "room",
+    scene: Annotated[str, typer.Option("--scene", metavar="NAME", help="room, cornell-box, bumpy-sphere or two-triangles.")] = "room",
     samples: Annotated[int, typer.Option("--samples", metavar="N", help="Samples a pixel: 1, 2, 4, 8 or 16.")] = 4,
     quiet: Quiet = False,
     as_json: Json = False,

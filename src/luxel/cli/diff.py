@@ -19,9 +19,7 @@ EXAMPLE = "luxel diff before.png after.png --max-rmse 0.01 --output difference.p
 def diff(
     a: Annotated[Path, typer.Argument(metavar="A", help="A picture: .png, .jpg, .exr, .hdr and others.")],
     b: Annotated[Path, typer.Argument(metavar="B", help="Another of the same size.")],
-    max_rmse: Annotated[
-        float, typer.Option("--max-rmse", metavar="X", help="Up to this RMSE (white is 1) they count as the same.")
-    ] = 0.0,
+    max_rmse: Annotated[float, typer.Option("--max-rmse", metavar="X", help="Up to this RMSE (white is 1) they count as the same.")] = 0.0,
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", metavar="FILE", help="A .png of where they differ; white differs most."),

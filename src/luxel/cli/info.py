@@ -91,14 +91,8 @@ def _tables(report: Report) -> list[tuple[str, tuple[str, ...], Cells]]:
         )
         for m in largest_first
     ]
-    materials: Cells = [
-        (m["name"], m["shading"], _alpha(m), _color(m["base_color"]), ", ".join(m["textures"]))
-        for m in report.materials
-    ]
-    textures: Cells = [
-        (t["name"], "{} x {}".format(*t["size"]), str(t["channels"]), t["dtype"], _bytes(t["bytes"]))
-        for t in report.textures
-    ]
+    materials: Cells = [(m["name"], m["shading"], _alpha(m), _color(m["base_color"]), ", ".join(m["textures"])) for m in report.materials]
+    textures: Cells = [(t["name"], "{} x {}".format(*t["size"]), str(t["channels"]), t["dtype"], _bytes(t["bytes"])) for t in report.textures]
     lights: Cells = [(x["name"], x["kind"], f"{x['intensity']:.4g}", _color(x["color"])) for x in report.lights]
     cameras: Cells = [(c["name"], c["kind"], _lens(c), ", ".join(f"{v:.4g}" for v in c["eye"])) for c in report.cameras]
     return [

@@ -50,12 +50,8 @@ Outputs = Annotated[str, _option(None, "--outputs", metavar="LIST", help=f"For .
 Threads = Annotated[int | None, _option(None, "--threads", metavar="N", help="Of the processor [all].", min=1)]
 
 _camera = partial(_option, "Camera")
-NamedCamera = Annotated[
-    str | None, _camera("--camera", metavar="NAME", help="One of the file's, or its number [the first].")
-]
-Azimuth = Annotated[
-    float | None, _camera("--azimuth", metavar="DEG", help="Frame from this side: 0 front, 90 right [30].")
-]
+NamedCamera = Annotated[str | None, _camera("--camera", metavar="NAME", help="One of the file's, or its number [the first].")]
+Azimuth = Annotated[float | None, _camera("--azimuth", metavar="DEG", help="Frame from this side: 0 front, 90 right [30].")]
 Elevation = Annotated[float | None, _camera("--elevation", metavar="DEG", help="And from so high, -90 to 90 [20].")]
 Distance = Annotated[float | None, _camera("--distance", metavar="M", help="And from so far [what fits the picture].")]
 Fov = Annotated[float | None, _camera("--fov", metavar="DEG", help="Vertical field of view [40, or the camera's].")]
@@ -63,22 +59,18 @@ Eye = Annotated[str | None, _camera("--eye", metavar="X,Y,Z", help="Or stand her
 Target = Annotated[str | None, _camera("--target", metavar="X,Y,Z", help="... and look there [the middle].")]
 Up = Annotated[str | None, _camera("--up", metavar="AXIS", help="What is up: y, z or X,Y,Z [y].")]
 Ortho = Annotated[str | None, _camera("--ortho", metavar="M", help="Orthographic, so many metres high, or fit.")]
-Turntable = Annotated[
-    int | None, _camera("--turntable", metavar="N", help="N pictures around: OUT_000.png, OUT_001.png ...")
-]
+Turntable = Annotated[int | None, _camera("--turntable", metavar="N", help="N pictures around: OUT_000.png, OUT_001.png ...")]
 
 _sampling = partial(_option, "Sampling")
-Samples = Annotated[int, _sampling("--samples", metavar="N", help="Samples a pixel: 1, 2, 4, 8 or 16.")]
+Samples = Annotated[int | None, _sampling("--samples", metavar="N", help="Samples a pixel: 1, 2, 4, 8 or 16 [4].")]
 Pattern = Annotated[str, _sampling("--pattern", metavar="NAME", help="Where they lie: standard, or grid (of 4).")]
-Ssaa = Annotated[int, _sampling("--ssaa", metavar="N", help="Shade N x N times in each pixel.", min=1)]
+Ssaa = Annotated[int, _sampling("--ssaa", metavar="N", help="In place of samples: shade N x N times a pixel.", min=1, max=8)]
 Filter = Annotated[str, _sampling("--filter", metavar="NAME", help=f"From samples to pixels: {', '.join(_FILTERS)}.")]
 
 _look = partial(_option, "Look")
 _shadings = f"{', '.join(_SHADINGS)} [what the material asks for]."
 Shading = Annotated[str | None, _look("--shading", metavar="NAME", help=_shadings)]
-Background = Annotated[
-    str, _look("--background", metavar="COLOR", help="'#rrggbb', a name, or none: transparent; white in a .jpg.")
-]
+Background = Annotated[str, _look("--background", metavar="COLOR", help="'#rrggbb', a name, or none: transparent; white in a .jpg.")]
 Cull = Annotated[str, _look("--cull", metavar="WHAT", help="Hide back faces: material (as it says), back or none.")]
 Exposure = Annotated[float, _look("--exposure", metavar="EV", help="Brighter by so many stops.")]
 Lightmap = Annotated[Path | None, _look("--lightmap", metavar="FILE", help="A baked picture for TEXCOORD_1.")]
@@ -102,7 +94,7 @@ def render(
     up: Up = None,
     ortho: Ortho = None,
     turntable: Turntable = None,
-    samples: Samples = 4,
+    samples: Samples = None,
     pattern: Pattern = "standard",
     ssaa: Ssaa = 1,
     filter: Filter = "box",
@@ -125,7 +117,7 @@ def render(
     opaque = output.suffix.lower() in (".jpg", ".jpeg")  # they have no transparency
     view = View(camera, azimuth, elevation, distance, fov, eye, target, up, ortho, turntable)
     options: dict[str, Any] = {
-        "samples": values.choice(samples, SAMPLES, "--samples"),
+        "samples": values.choice(samples or (1 if ssaa > 1 else 4), SAMPLES, "--samples"),
         "pattern": values.choice(pattern, ("standard", "grid"), "--pattern"),
         "ssaa": ssaa,
         "filter": values.choice(filter, _FILTERS, "--filter"),
@@ -137,13 +129,13 @@ def render(
         "threads": threads,
     }
     values.output(output, EXTENSIONS)
-    if pattern == "grid" and samples not in (1, 4):
+    if ssaa > 1 and samples not in (None, 1):
+        raise InputError(f"--ssaa {ssaa}: it takes the place of --samples {samples}; give one of them")
+    if pattern == "grid" and samples not in (None, 4):
         raise InputError(f"--pattern grid: expected --samples 4, got {samples}")
     lost = set(options["outputs"]) - {"color"}
     if lost and output.suffix.lower() not in (".exr", ".npz"):
-        raise InputError(
-            f"--outputs: {output.suffix} holds color alone; {', '.join(sorted(lost))} goes to .exr or .npz"
-        )
+        raise InputError(f"--outputs: {output.suffix} holds color alone; {', '.join(sorted(lost))} goes to .exr or .npz")
     _draw_file(Console(quiet, as_json), file, output, pixels, view, options, lightmap, crease_angle)
 
 

@@ -11,9 +11,7 @@ from luxel.scene.material import Material, Texture, TextureRef
 Rgb = tuple[int, int, int]
 
 
-def finishes(
-    floor: tuple[float, float], footprints: list[tuple[float, float, float, float, float]]
-) -> tuple[dict[str, Material], list[Texture]]:
+def finishes(floor: tuple[float, float], footprints: list[tuple[float, float, float, float, float]]) -> tuple[dict[str, Material], list[Texture]]:
     """Materials by name, and the textures that they use.
 
     Args:
@@ -37,17 +35,13 @@ class _Finishes:
         self.textures.append(Texture(image, srgb, name=name))
         return TextureRef(len(self.textures) - 1, scale=scale)
 
-    def add(
-        self, name: str, color: Rgb = (255, 255, 255), roughness: float = 0.6, alpha: float = 1.0, **rest: Any
-    ) -> None:
+    def add(self, name: str, color: Rgb = (255, 255, 255), roughness: float = 0.6, alpha: float = 1.0, **rest: Any) -> None:
         """`color` is sRGB, as picked from a picture."""
         red, green, blue = (float(c) for c in linear_from_srgb([c / 255 for c in color]))
         self.materials[name] = Material((red, green, blue, alpha), roughness=roughness, shading="pbr", name=name, **rest)
 
 
-def _walls(
-    made: _Finishes, floor: tuple[float, float], footprints: list[tuple[float, float, float, float, float]]
-) -> None:
+def _walls(made: _Finishes, floor: tuple[float, float], footprints: list[tuple[float, float, float, float, float]]) -> None:
     color, groove = t.planks()
     repeats = (floor[0] / 2.4, floor[1] / 0.85)
     made.add(
@@ -58,9 +52,7 @@ def _walls(
         occlusion_texture=made.texture("floor occlusion", t.contact((200, 240), floor, footprints), srgb=False),
     )
     corners = made.texture("corners", t.corners(), srgb=False)
-    plaster = made.texture(
-        "plaster", t.normal_map(t.noise((256, 256), (24, 24), 31, 3), 2.0), srgb=False, scale=(5, 2.4)
-    )
+    plaster = made.texture("plaster", t.normal_map(t.noise((256, 256), (24, 24), 31, 3), 2.0), srgb=False, scale=(5, 2.4))
     for name, wall in (("wall", (236, 228, 214)), ("accent wall", (108, 134, 130)), ("ceiling", (246, 243, 236))):
         made.add(name, wall, 0.92, occlusion_texture=corners, normal_texture=plaster, normal_scale=0.25)
     made.add("white paint", (240, 237, 230), 0.4)
@@ -84,9 +76,7 @@ def _cloths(made: _Finishes) -> None:
         ("mustard", (206, 158, 62)),
         ("terracotta", (184, 96, 70)),
     ):
-        made.add(
-            name, roughness=0.95, base_color_texture=made.texture(name, t.cloth(height, color)), normal_texture=threads
-        )
+        made.add(name, roughness=0.95, base_color_texture=made.texture(name, t.cloth(height, color)), normal_texture=threads)
     made.add(
         "gingham",
         roughness=0.95,
@@ -107,7 +97,7 @@ def _things(made: _Finishes) -> None:
     made.add("steel", (226, 228, 230), 0.16, metallic=1.0)
     made.add("gilt", (206, 164, 92), 0.4, metallic=0.8)
     made.add("glaze", (64, 108, 126), 0.12)
-    made.add("glass", (206, 232, 226), 0.05, alpha=0.28, alpha_mode="BLEND", double_sided=True)
+    made.add("glass", (206, 232, 226), 0.05, alpha=0.13, alpha_mode="BLEND", double_sided=True)
     made.add("shade", (250, 226, 184), 0.9, double_sided=True, emissive=(0.62, 0.4, 0.2))
     made.add("bulb", (255, 244, 220), 0.5, emissive=(6.0, 4.4, 2.8))
     made.add("books", roughness=0.7)

@@ -69,11 +69,7 @@ def armchair() -> list[Piece]:
     wall = np.stack([outer, inner])  # its two ends are open strips
     ends = [surface(wall[:, :, 0].transpose(1, 0, 2)), surface(wall[::-1, :, -1].transpose(1, 0, 2))]
     seat = at(_cushion(0.66, 0.2, 0.64, 0.6), 0, 0.37, 0.02)
-    legs = [
-        tube([(x * 0.3, 0.008, z * 0.3), (x * 0.22, 0.3, z * 0.22)], [0.012, 0.02], 12)
-        for x in (-1, 1)
-        for z in (-1, 1)
-    ]
+    legs = [tube([(x * 0.3, 0.008, z * 0.3), (x * 0.22, 0.3, z * 0.22)], [0.012, 0.02], 12) for x in (-1, 1) for z in (-1, 1)]
     return [
         (merged([shell, *ends], "armchair"), "teal"),
         (seat, "mustard"),
@@ -136,10 +132,7 @@ def fruit_bowl(seed: int = 2) -> list[Piece]:
     rng = np.random.default_rng(seed)
     spots = [(0.06 * np.cos(a), 0.068, 0.06 * np.sin(a)) for a in 2 * np.pi * np.arange(5) / 5]
     kinds = [(orange, "orange"), (apple, "apple"), (orange, "orange"), (apple, "green apple"), (lemon, "lemon")]
-    fruit = [
-        (at(mesh, *spot, yaw=rng.uniform(0, 360), pitch=rng.uniform(-25, 25)), name)
-        for (mesh, name), spot in zip(kinds, spots, strict=True)
-    ]
+    fruit = [(at(mesh, *spot, yaw=rng.uniform(0, 360), pitch=rng.uniform(-25, 25)), name) for (mesh, name), spot in zip(kinds, spots, strict=True)]
     return [(bowl, "dark wood"), *fruit, (at(apple, 0.005, 0.118, 0.0, pitch=14), "apple")]
 
 
@@ -175,9 +168,7 @@ def bookshelf(width: float = 1.0, height: float = 2.05, depth: float = 0.3, seed
     books, half = [], width / 2 - 0.04
     for number, y in enumerate(boards[:-1]):
         room = boards[number + 1] - y - 0.03
-        stretch = [(-half, half), (-half, half * 0.1), (-half * 0.25, half), (-half, half * 0.45), (-half * 0.4, half)][
-            number
-        ]
+        stretch = [(-half, half), (-half, half * 0.1), (-half * 0.25, half), (-half, half * 0.45), (-half * 0.4, half)][number]
         books += _row_of_books(stretch, y + 0.0145, room, rng)
     things = [
         (at(torus(0.075, 0.022, 48, 20), 0.27, boards[1] + 0.114, 0.02, yaw=25, pitch=90), "steel"),
@@ -210,9 +201,7 @@ def _row_of_books(stretch: tuple[float, float], y: float, room: float, rng: np.r
 
 def plant(leaves: int = 54, seed: int = 6) -> list[Piece]:
     """A pot with a bush of bent leaves, cut out of quads by their alpha."""
-    pot = lathe(
-        [(0, _GAP), (0.13, _GAP), (0.18, 0.3), (0.19, 0.3), (0.19, 0.33), (0.165, 0.33), (0.155, 0.27), (0, 0.27)], 48
-    )
+    pot = lathe([(0, _GAP), (0.13, _GAP), (0.18, 0.3), (0.19, 0.3), (0.19, 0.33), (0.165, 0.33), (0.155, 0.27), (0, 0.27)], 48)
     soil = lathe([(0.156, 0.275), (0.1, 0.285), (0, 0.29)], 32)
     rng = np.random.default_rng(seed)
     blades, stalks = [], []

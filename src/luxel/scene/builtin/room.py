@@ -34,7 +34,7 @@ def room() -> Scene:
         (-2.44, -1.96, 0.2, 0.2, 0.0),  # plant
     ]
     materials, textures = finishes((WIDTH, DEPTH), footprints)
-    scene = Scene(name="room", textures=textures, ambient=Ambient((0.62, 0.62, 0.63), (0.42, 0.37, 0.31)))
+    scene = Scene(name="room", textures=textures, ambient=Ambient((0.56, 0.56, 0.58), (0.36, 0.31, 0.26)))
     for name, pieces in _things().items():
         number = 1 + max((instance.object for instance in scene.instances), default=-1)
         for mesh, material in pieces:
@@ -129,9 +129,7 @@ def _window() -> list[Piece]:
     bars = [at(box((deep, bar, wide - 0.004), 0.006, 1), at_x, y, middle) for y in (_SILL + 0.028, _LINTEL - 0.028)]
     posts = (z0 + 0.028, middle, z1 - 0.028)
     bars += [at(box((deep - 0.004, tall - 0.1, bar), 0.006, 1), at_x, _SILL + tall / 2, z) for z in posts]
-    bars += [
-        at(box((deep - 0.008, 0.03, wide / 2 - 0.06), 0.005, 1), at_x, 1.82, middle + s * wide / 4) for s in (-1, 1)
-    ]
+    bars += [at(box((deep - 0.008, 0.03, wide / 2 - 0.06), 0.005, 1), at_x, 1.82, middle + s * wide / 4) for s in (-1, 1)]
     sill = at(box((0.24, 0.035, wide + 0.06), 0.01), x + 0.015, _SILL - 0.03, middle)
     daylight = _panel((x - _REVEAL, _SILL, z1), along, up, name="daylight")
     frame = merged([*bars, sill], "window frame")
@@ -152,18 +150,14 @@ def _skirting() -> list[Piece]:
     along = box((WIDTH - 2 * thick - 0.01, tall, thick), 0.004, 1)
     across = box((thick, tall, DEPTH - 0.006), 0.004, 1)
     inset = thick / 2 + gap
-    boards = [at(along, 0, y, s * (_Z - inset)) for s in (-1, 1)] + [
-        at(across, s * (_X - inset), y, 0) for s in (-1, 1)
-    ]
+    boards = [at(along, 0, y, s * (_Z - inset)) for s in (-1, 1)] + [at(across, s * (_X - inset), y, 0) for s in (-1, 1)]
     return [(merged(boards, "skirting"), "white paint")]
 
 
 def _mirror() -> list[Piece]:
     """A round mirror of polished steel on the right wall."""
     disc = lathe([(0, 0.012), (0.36, 0.012), (0.36, 0.02), (0, 0.02)], 64, name="mirror")
-    rim = lathe(
-        [(0.36, 0.004), (0.4, 0.004), (0.405, 0.02), (0.4, 0.035), (0.365, 0.035), (0.355, 0.02), (0.36, 0.004)], 64
-    )
+    rim = lathe([(0.36, 0.004), (0.4, 0.004), (0.405, 0.02), (0.4, 0.035), (0.365, 0.035), (0.355, 0.02), (0.36, 0.004)], 64)
     rim.name = "mirror rim"
     return [(at(disc, _X, 1.55, -0.3, roll=90), "steel"), (at(rim, _X, 1.55, -0.3, roll=90), "gilt")]
 
@@ -185,9 +179,9 @@ def _lights() -> list[Light]:
     window = look_at((-_X - 0.6, 1.9, middle), (0.4, 0.5, middle))
     lamp = (_LAMP[0], 1.42, _LAMP[1])
     return [
-        Light("spot", (0.94, 0.97, 1.0), 30.0, window, inner_cone=0.3, outer_cone=1.25, name="window"),
+        Light("spot", (1.0, 0.98, 0.94), 42.0, window, inner_cone=0.3, outer_cone=1.25, name="window"),
         Light("point", (1.0, 0.66, 0.36), 1.3, look_at(lamp, (0, 1.42, 0)), range=5.0, name="lamp"),
-        Light("point", (1.0, 0.94, 0.86), 3.0, look_at((1.2, 2.3, 1.4), (0, 0, 0)), range=9.0, name="fill"),
+        Light("point", (1.0, 0.95, 0.88), 2.6, look_at((1.3, 1.8, 1.7), (0, 0, 0)), range=9.0, name="fill"),
     ]
 
 

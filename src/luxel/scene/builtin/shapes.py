@@ -205,9 +205,7 @@ def cone(radius: float = 0.5, height: float = 1.0, segments: int = 48, top: floa
     return lathe([(0, -y), (radius, -y), (top, y), *([(0, y)] if top else [])], segments, name=name)
 
 
-def torus(
-    radius: float = 0.4, tube_radius: float = 0.1, segments: int = 48, sides: int = 24, name: str = "torus"
-) -> Mesh:
+def torus(radius: float = 0.4, tube_radius: float = 0.1, segments: int = 48, sides: int = 24, name: str = "torus") -> Mesh:
     """A ring about +y; `radius` is of its centre line."""
     if not 0 < tube_radius <= radius:
         raise InputError(f"torus: expected 0 < tube_radius <= radius, got {tube_radius:g} and {radius:g}")

@@ -95,9 +95,7 @@ def checks(size: int, colors: tuple[tuple[int, int, int], tuple[int, int, int]],
 def stripes(width: int = 32, height: int = 256) -> Array:
     """(h, w, 3) uint8: linen with two bands of colour near the hem (v = 1)."""
     v = ((np.arange(height) + 0.5) / height)[:, None, None]
-    picture = np.where(
-        (v > 0.86) & (v < 0.93), (186, 104, 74), np.where((v > 0.8) & (v < 0.82), (208, 160, 80), (236, 227, 208))
-    )
+    picture = np.where((v > 0.86) & (v < 0.93), (186, 104, 74), np.where((v > 0.8) & (v < 0.82), (208, 160, 80), (236, 227, 208)))
     return np.round(picture * (0.93 + 0.07 * noise((height, width), (128, 16), 14, 1)[..., None])).astype(np.uint8)
 
 
@@ -163,9 +161,7 @@ def leaf(size: int = 96) -> Array:
     outline = np.sin(np.pi * np.clip(t, 0, 1) ** 0.75) * 0.95
     alpha = np.clip((outline - s) * size / 3, 0, 1)
     vein = np.exp(-((s * 16) ** 2)) + 0.5 * np.exp(-(((((t * 9 - s * 3) % 1) - 0.5) * 9) ** 2))
-    color = ramp(
-        np.clip(0.35 + 0.35 * t + 0.3 * vein, 0, 1), (0, (30, 66, 34)), (0.6, (66, 122, 56)), (1, (150, 184, 104))
-    )
+    color = ramp(np.clip(0.35 + 0.35 * t + 0.3 * vein, 0, 1), (0, (30, 66, 34)), (0.6, (66, 122, 56)), (1, (150, 184, 104)))
     return np.concatenate([color, np.round(255 * alpha[..., None]).astype(np.uint8)], -1)
 
 
@@ -177,9 +173,7 @@ def corners(size: int = 64, reach: float = 0.14, floor: float = 0.55) -> Array:
     return np.round(255 * shade[:, None] * shade[None, :] / shade.max() ** 2).astype(np.uint8)
 
 
-def contact(
-    size: tuple[int, int], extent: tuple[float, float], footprints: list[tuple[float, float, float, float, float]]
-) -> Array:
+def contact(size: tuple[int, int], extent: tuple[float, float], footprints: list[tuple[float, float, float, float, float]]) -> Array:
     """(h, w) uint8 occlusion of a floor under furniture.
 
     Args:
