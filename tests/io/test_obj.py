@@ -112,7 +112,7 @@ def test_missing_library_and_texture_are_said(load, tmp_path):
     (tmp_path / "m.mtl").write_text("newmtl a\nmap_Kd none.png\nbump hills.png\n")
     with pytest.warns(LuxelWarning) as caught:
         scene = load("mtllib m.mtl\n" + SQUARE + "usemtl a\nf 1 2 3\n")
-    first, second = sorted(str(w.message) for w in caught)
+    second, first = sorted(str(w.message) for w in caught)
     assert first == "m.mtl, material a: bump is ignored"
     assert second.startswith("m.mtl, material a, map_kd: cannot read")
     assert second.endswith("none.png: No such file or directory; the texture is left out")

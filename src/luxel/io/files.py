@@ -46,20 +46,26 @@ def tell(where: object, what: str) -> None:
     warnings.warn(f"{where}: {what}", LuxelWarning, stacklevel=level - 1)
 
 
-def read_bytes(path: Path, where: object | None = None) -> Array:
-    """The whole file as uint8, writable, in one array.
+def open_plain(path: Path, where: object | None = None) -> IO[bytes]:
+    """Open a file for reading; `where` stands for it in errors.
 
     Raises:
-        FileError: It is missing, unreadable or not a plain file.
+        FileError: It is missing, unreadable or not a plain file (a pipe or a device would block, or never end).
     """
     where = path.name if where is None else where
     try:
         mode = path.stat().st_mode
         if not stat.S_ISREG(mode):
             raise FileError(where, f"{path} is {'a folder' if stat.S_ISDIR(mode) else 'not a plain file'}")
-        return np.fromfile(path, np.uint8)
+        return path.open("rb")
     except (OSError, ValueError) as error:  # ValueError: a null byte in the name
         raise FileError(where, f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from error
+
+
+def read_bytes(path: Path, where: object | None = None) -> Array:
+    """The whole file as uint8, writable, in one array; errors as of `open_plain`."""
+    with open_plain(path, where) as file:
+        return np.fromfile(file, np.uint8)
 
 
 @contextmanager

@@ -17,7 +17,7 @@ import numpy as np
 from luxel.arrays import Array
 from luxel.errors import FileError
 from luxel.io.build import build_mesh, turned
-from luxel.io.files import atomic_write, tell
+from luxel.io.files import atomic_write, open_plain, tell
 from luxel.io.flatten import flatten
 from luxel.io.polygons import strip, triangulate, unify
 from luxel.io.text import parse
@@ -72,7 +72,7 @@ _Columns = dict[str, Any]  # an array (rows,) for a scalar property, _Lists for 
 
 def load(path: Path) -> Scene:
     """A scene of one mesh. Vertex colours are decoded from sRGB; texture coordinates are turned to glTF's v = 0 at the top."""
-    with path.open("rb") as file:
+    with open_plain(path) as file:
         order, elements, texture = _read_header(file, path.name)
         read = _binary_reader(file, path) if order else _ascii_reader(file, path)
         columns: dict[str, _Columns] = {}
@@ -302,16 +302,16 @@ def _walk_numbers(values: Array, element: _Element, at: str) -> tuple[_Columns, 
     for row in range(element.rows):
         for k, prop in enumerate(element.properties):
             count = 1
-            if prop.count is not None:
-                count = int(values[place]) if place < len(values) and 0 <= values[place] <= len(values) else -1
-                place += 1
+            if prop.count is not None and place < len(values):
+                if not 0 <= values[place] < 2**53:
+                    raise FileError(f"{at}, row {row}", f"a list of {values[place]:g} values")
+                count = int(values[place])
+            place += prop.count is not None
             places[k].append(place)
             counts[k].append(count)
             place += count
-            if count < 0 or place > len(values):
-                raise FileError(
-                    f"{at}, row {row}", "the file ends" if place >= len(values) else "a list without a proper length"
-                )
+            if place > len(values):
+                raise FileError(f"{at}, row {row}", "the file ends")
     columns: _Columns = {}
     for prop, begin, many in zip(element.properties, places, counts, strict=True):
         length = np.array(many, np.int64)

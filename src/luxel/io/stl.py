@@ -65,7 +65,7 @@ def _ascii(raw: Array, where: str) -> list[tuple[str, Array]]:
             if part.strip():
                 raise FileError(where, f"expected `solid`, got {part.strip()[:40].decode('utf-8', 'replace')!r}")
             continue
-        numbers = b" ".join(re.findall(rb"(?i)\bvertex\s+([^\n]*)", part))
+        numbers = b"\n".join(re.findall(rb"(?i)\bvertex\s+([^\n]*)", part))
         values = parse(numbers, float, f"{where}, a vertex")
         facets = len(re.findall(rb"(?i)\bfacet\s+normal", part))
         if len(values) != 9 * facets:

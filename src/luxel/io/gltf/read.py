@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -80,6 +81,7 @@ class _Reader:
         self.textures = Textures(document, scene)
         self._materials: dict[int | None, int] = {}
         self._meshes: dict[Any, list[tuple[int, Geometry]]] = {}
+        self._geometries: dict[Any, tuple[int, Geometry] | None] = {}
 
     def run(self) -> None:
         """Fill the scene."""
@@ -156,15 +158,21 @@ class _Reader:
         """The scene's mesh number and the geometry of each primitive that draws triangles."""
         key = (index, weights)
         if key not in self._meshes:
-            made = []
-            for part in mesh.parts("primitives", "primitive"):
-                material = self._material(part)
-                geometry = read_primitive(self.document, part, weights, mesh.text("name", ""), material)
-                if geometry is not None:
-                    self.scene.meshes.append(geometry.mesh)
-                    made.append((len(self.scene.meshes) - 1, geometry))
-            self._meshes[key] = made
+            made = [self._primitive(part, weights, mesh.text("name", "")) for part in mesh.parts("primitives", "primitive")]
+            self._meshes[key] = [one for one in made if one is not None]
         return self._meshes[key]
+
+    def _primitive(self, part: Part, weights: tuple[float, ...], name: str) -> tuple[int, Geometry] | None:
+        """A primitive; meshes that share one (the same accessors and material) share the scene's mesh."""
+        key = (json.dumps(part.data, sort_keys=True), weights)
+        if key not in self._geometries:
+            name = own_extras(part).text("name", name)
+            geometry = read_primitive(self.document, part, weights, name, self._material(part))
+            self._geometries[key] = None
+            if geometry is not None:
+                self.scene.meshes.append(geometry.mesh)
+                self._geometries[key] = (len(self.scene.meshes) - 1, geometry)
+        return self._geometries[key]
 
     def _material(self, primitive: Part) -> int:
         index = primitive.integer("material", None)

@@ -130,6 +130,7 @@ class _Meshes:
                 indices=self.buffer.accessor(indices, g.ELEMENT_ARRAY_BUFFER),
                 material=self.materials.number(mesh.material),
                 mode=g.TRIANGLES,
+                extras={"luxel": {"name": mesh.name}} if mesh.name else {},
             )
         return self._primitives[index]
 
