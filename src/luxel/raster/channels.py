@@ -49,5 +49,10 @@ DYX, DYY, DYZ = (PITCH * row for row in range(56, 59))
 # In, with NEEDS_FACE: geometric normal, in world space, of any length, turned to the front by the winding.
 FX, FY, FZ = (PITCH * row for row in range(59, 62))
 
-CHANNELS = 62
+# Scratch of `texture`: place and longer axis of the footprint in texture coordinates; lower level, way to the next, probes; the place of
+# a probe brought to 0 .. 1 and its weight; the four texels around it, as bits, and where between them.
+PLACE_S, PLACE_T, AXIS_S, AXIS_T, LEVEL, BLEND, PROBES = (PITCH * row for row in range(62, 69))
+PROBE_S, PROBE_T, WEIGHT, TEXEL0, TEXEL1, TEXEL2, TEXEL3, ALONG, DOWN = (PITCH * row for row in range(69, 78))
+
+CHANNELS = 78
 BATCH = CHANNELS * PITCH

@@ -90,7 +90,7 @@ from luxel.raster.materials import (
     TRANSFORMS,
     MaterialTable,
 )  # fmt: skip
-from luxel.raster.texture import fetch, filtered
+from luxel.raster.texture import alpha_at, fetch
 
 _ZERO, _ONE, _TWO, _TINY = np.float32(0.0), np.float32(1.0), np.float32(2.0), np.float32(1e-30)
 _DIELECTRIC, _SMOOTHEST = np.float32(0.04), np.float32(LEAST_ROUGHNESS)
@@ -303,4 +303,4 @@ def mask_alpha(table: MaterialTable, row: int, u0: np.float32, v0: np.float32, u
     u, v = (u1, v1) if table.ints[row, TEXCOORD + BASE_SLOT] else (u0, v0)
     t = table.floats[row, TRANSFORMS : TRANSFORMS + 6]
     s, t = t[0] * u + t[1] * v + t[2], t[3] * u + t[4] * v + t[5]
-    return alpha * filtered(table.textures[which], table.levels[which], table.texels, table.radiance, 0, s, t)[3]
+    return alpha * alpha_at(table.textures[which], table.levels[which], table.texels, table.radiance, s, t)
