@@ -23,9 +23,11 @@ def attempt(path) -> Scene | FileError:
         try:
             scene = luxel.io.load(path)
         except FileError as error:
-            assert path.name in str(error) or "sample.mtl" in str(error)
-            assert "\n" not in str(error)
-            return error
+            scene = error
+    if isinstance(scene, FileError):
+        assert path.name in str(scene) or "sample.mtl" in str(scene)
+        assert "\n" not in str(scene)
+        return scene
     scene.check()
     for mesh in scene.meshes:
         for name in ("positions", "normals", "texcoords", "texcoords1", "colors", "tangents"):
@@ -178,7 +180,7 @@ def test_gltf_count_without_a_buffer_view_is_bounded(tmp_path):
     g.node(mesh=g.mesh({"attributes": {"POSITION": huge}}))
     path = g.write(tmp_path / "zeros.gltf")
     assert _peak(path) < 40e6
-    with pytest.raises(FileError, match="zeros.gltf, accessor 0: count 2147483647 without a buffer view"):
+    with pytest.raises(FileError, match=r"zeros.gltf, accessor 0: count 2147483647 without a buffer view"):
         luxel.io.load(path)
 
 

@@ -86,7 +86,13 @@ def test_only_the_default_scene_is_loaded(load):
 def test_normalised_components(load, dtype, expected):
     g = Gltf()
     limits = np.iinfo(dtype) if dtype != "f4" else None
-    values = [limits.min, -limits.max, 0, limits.max] if dtype[0] == "i" else [128, 129, 0, 127] if dtype == "u1" else [0, 1, 65535 if dtype == "u2" else 0.5, 0]
+    values = (
+        [limits.min, -limits.max, 0, limits.max]
+        if dtype[0] == "i"
+        else [128, 129, 0, 127]
+        if dtype == "u1"
+        else [0, 1, 65535 if dtype == "u2" else 0.5, 0]
+    )
     uv = np.array([values, values]).T.astype(dtype)
     scene = load(_with(g, TEXCOORD_0=g.accessor(uv, normalized=dtype != "f4")))
     wanted = expected or (uv / (65535 if dtype == "u2" else 1)).tolist()
@@ -258,7 +264,7 @@ def test_extensions(load):
     with pytest.warns(LuxelWarning, match="the extension KHR_materials_sheen is ignored"):
         load(g)
     g.json["extensionsRequired"] = ["KHR_draco_mesh_compression"]
-    with pytest.raises(UnsupportedError, match="scene.gltf: requires the extension KHR_draco_mesh_compression"):
+    with pytest.raises(UnsupportedError, match=r"scene.gltf: requires the extension KHR_draco_mesh_compression"):
         load(g)
 
 
@@ -356,7 +362,9 @@ def _meshopt_file(mode="TRIANGLES", index_dtype="<u2"):
     indices = _packed(g, bytes(encode(FACES.reshape(-1).astype(np.uint32), 12, 4)), mode, 12, int(index_dtype[-1]), 12 * int(index_dtype[-1]))
     primitive = {
         "attributes": {"POSITION": g.append("accessors", {"bufferView": position, "componentType": 5126, "type": "VEC3", "count": 4})},
-        "indices": g.append("accessors", {"bufferView": indices, "componentType": 5123 if index_dtype == "<u2" else 5125, "type": "SCALAR", "count": 12}),
+        "indices": g.append(
+            "accessors", {"bufferView": indices, "componentType": 5123 if index_dtype == "<u2" else 5125, "type": "SCALAR", "count": 12}
+        ),
     }
     g.node(mesh=g.mesh(primitive))
     return g
@@ -408,7 +416,7 @@ def test_meshopt_faults_are_errors(load, key, value):
             view["byteLength"] = packed["count"] * packed["byteStride"]
     if (key, value) == ("filter", "NONE") or (key, value) in (("buffer", 0), ("byteOffset", 0)):
         return
-    with pytest.raises(FileError, match="scene.gltf, "):
+    with pytest.raises(FileError, match=r"scene.gltf, "):
         load(g)
 
 

@@ -76,9 +76,8 @@ def test_png_stream_faults(tmp_path):
         stream.write(np.zeros((3, 2), np.uint8))
     with pytest.raises(InputError, match=r"expected \(k, 2, 4\) uint8"), PngStream(path, 2, 5) as stream:
         stream.write(np.zeros((3, 2, 3), np.uint8))
-    with pytest.raises(InputError, match=r"4 \+ 2 of 5"), PngStream(path, 2, 5, 1) as stream:
-        stream.write(np.zeros((4, 2), np.uint8))
-        stream.write(np.zeros((2, 2), np.uint8))
+    with pytest.raises(InputError, match=r"0 \+ 6 of 5"), PngStream(path, 2, 5, 1) as stream:
+        stream.write(np.zeros((6, 2), np.uint8))
     with pytest.raises(InputError, match="inside its with block"):
         stream.write(np.zeros((1, 2), np.uint8))
     assert list(tmp_path.iterdir()) == []
@@ -91,7 +90,7 @@ def test_other_formats(tmp_path, extension):
     image = np.full((8, 9, 4), 200, np.uint8)
     write_image(tmp_path / f"x.{extension}", image)
     assert np.abs(read_image(tmp_path / f"x.{extension}")[..., :3].astype(int) - 200).max() <= 2
-    with pytest.raises(FileError, match="no picture format has the extension .what"):
+    with pytest.raises(FileError, match=r"no picture format has the extension .what"):
         write_image(tmp_path / "x.what", image)
 
 
@@ -195,15 +194,16 @@ def test_broken_pictures_are_errors(name, tmp_path):
         for at in rng.integers(0, len(data), 3):
             broken[at] = rng.integers(0, 256)
         pieces.append(bytes(broken))
-    failures = 0
+    failures = loaded = 0
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         for piece in pieces:
             try:
                 image = decode_image(piece, "broken")
             except FileError as error:
-                assert str(error).startswith("broken: ")
-                failures += 1
+                failures += str(error).startswith("broken: ")
             else:
                 assert image.ndim == 3
+                loaded += 1
+    assert failures + loaded == len(pieces)
     assert failures > 50

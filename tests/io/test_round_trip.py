@@ -53,7 +53,8 @@ def full_scene() -> Scene:
             Light("point", intensity=3.0),
             Light("directional", world_from_light=rotation((1, 0, 0), -1.0)),
         ],
-        [Camera.look_at((3, 2, 1), (0, 0, 0), yfov=0.75, near=0.5, far=30.0, aspect=1.5, name="front"), Camera(yfov=None, height=4.0, near=0.0, far=8.0, aspect=2.0)],
+        [Camera.look_at((3, 2, 1), (0, 0, 0), yfov=0.75, near=0.5, far=30.0, aspect=1.5, name="front"),
+         Camera(yfov=None, height=4.0, near=0.0, far=8.0, aspect=2.0)],
         Ambient((0.1, 0.2, 0.3), (0.3, 0.2, 0.1)),
         "whole",
     )  # fmt: skip

@@ -105,7 +105,7 @@ def test_crease_keeps_the_smooth_sides_of_a_cylinder():
     n = 40
     angle = np.arange(n) * 2 * np.pi / n
     ring = np.stack([np.cos(angle), np.zeros(n), np.sin(angle)], 1)
-    positions = np.float32(np.concatenate([ring, ring + [0, 1, 0], [[0, 1, 0]]]))
+    positions = np.float32(np.concatenate([ring, ring + np.array([0, 1, 0]), [[0, 1, 0]]]))
     i = np.arange(n)
     j = (i + 1) % n
     sides = np.concatenate([np.stack([i, i + n, j], 1), np.stack([j, i + n, j + n], 1)])

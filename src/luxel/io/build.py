@@ -12,9 +12,7 @@ from luxel.scene.mesh import Mesh
 from luxel.scene.normals import vertex_normals
 
 
-def build_mesh(
-    where: object, positions: Array, triangles: Array, *, material: int = -1, name: str = "", **attributes: Array | None
-) -> Mesh:
+def build_mesh(where: object, positions: Array, triangles: Array, *, material: int = -1, name: str = "", **attributes: Array | None) -> Mesh:
     """A Mesh of `positions` (n, 3) and `triangles` (m, 3), of any numeric dtype, without what is unsound.
 
     Triangles with an index out of range, or with a vertex that is NaN or infinite (in float32), are dropped, such vertices too; the

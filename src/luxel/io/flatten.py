@@ -23,11 +23,7 @@ _FILL = {
 def flatten(scene: Scene, where: str, keeps: tuple[str, ...]) -> Mesh:
     """All instances in world space as one mesh with the attributes in `keeps`; what the format cannot hold is said."""
     meshes = [placed(scene, instance) for instance in scene.instances]
-    lost = [
-        name
-        for name in _FILL
-        if name not in (*keeps, "normals", "tangents") and any(getattr(mesh, name) is not None for mesh in meshes)
-    ]
+    lost = [name for name in _FILL if name not in (*keeps, "normals", "tangents") and any(getattr(mesh, name) is not None for mesh in meshes)]
     if scene.materials:
         lost.append("materials")
     if lost:
@@ -49,12 +45,8 @@ def _joined(meshes: list[Mesh], name: str) -> Array | None:
     """The attribute of all meshes, filled in where one has none; None where none has."""
     if all(getattr(mesh, name) is None for mesh in meshes):
         return None
-    filled = [
-        np.broadcast_to(np.array(_FILL[name], np.float32), (len(mesh.positions), len(_FILL[name]))) for mesh in meshes
-    ]
-    return np.concatenate(
-        [fill if (own := getattr(mesh, name)) is None else own for mesh, fill in zip(meshes, filled, strict=True)]
-    )
+    filled = [np.broadcast_to(np.array(_FILL[name], np.float32), (len(mesh.positions), len(_FILL[name]))) for mesh in meshes]
+    return np.concatenate([fill if (own := getattr(mesh, name)) is None else own for mesh, fill in zip(meshes, filled, strict=True)])
 
 
 def placed(scene: Scene, instance: Instance) -> Mesh:

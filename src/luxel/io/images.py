@@ -97,9 +97,7 @@ def _decode_pillow(data: bytes, where: str) -> Array:
             raise FileError(where, "not a picture in a format that Pillow knows") from None
     limit = Image.MAX_IMAGE_PIXELS
     if limit and image.width * image.height > limit:
-        raise FileError(
-            where, f"{image.width} x {image.height} pixels, more than the limit of {limit} against decompression bombs"
-        )
+        raise FileError(where, f"{image.width} x {image.height} pixels, more than the limit of {limit} against decompression bombs")
     with image:
         if image.mode.startswith("I"):
             wide = np.asarray(image, np.float32)[..., None] / np.float32(65535)
@@ -128,9 +126,7 @@ def _decode_exr(data: bytes, where: str) -> Array:
                 channels = {name: np.asarray(channel.pixels, np.float32) for name, channel in exr.channels().items()}
         except Exception as error:
             raise FileError(where, f"cannot be decoded as OpenEXR: {error}") from error
-    names = [name for name in "RGBA" if name in channels] or [
-        name for name in ("Y", *sorted(channels)) if name in channels
-    ][:1]
+    names = [name for name in "RGBA" if name in channels] or [name for name in ("Y", *sorted(channels)) if name in channels][:1]
     if not names:
         raise FileError(where, "an OpenEXR file without channels")
     return np.stack([channels[name] for name in names], -1)
@@ -257,9 +253,7 @@ def write_exr(path: str | os.PathLike[str], layers: dict[str, Array]) -> None:
         array = np.asarray(array)
         array = array[..., None] if array.ndim == 2 else array
         if array.ndim != 3 or array.dtype not in (np.float32, np.float16, np.uint32):
-            raise InputError(
-                f"write_exr, layer {name!r}: expected (h, w, c) float32, float16 or uint32, got {array.shape} {array.dtype}"
-            )
+            raise InputError(f"write_exr, layer {name!r}: expected (h, w, c) float32, float16 or uint32, got {array.shape} {array.dtype}")
         for letter, k in zip(_letters(name, array.shape[2]), range(array.shape[2]), strict=True):
             full = name if "." in name and array.shape[2] == 1 else f"{name}.{letter}" if name else letter
             channels[full] = np.ascontiguousarray(array[..., k])

@@ -40,9 +40,7 @@ def scene_from(source: Any) -> Scene:
 def _from_arrays(positions: object, triangles: object) -> Mesh:
     positions = checked(positions, ("n", 3), np.float32, "positions")
     if not np.isfinite(positions).all():
-        raise InputError(
-            f"positions: {np.count_nonzero(~np.isfinite(positions).all(1))} of {len(positions)} are not finite"
-        )
+        raise InputError(f"positions: {np.count_nonzero(~np.isfinite(positions).all(1))} of {len(positions)} are not finite")
     return Mesh(positions, triangles)  # type: ignore[arg-type]
 
 
@@ -69,9 +67,7 @@ def _mesh(source: Any, scene: Scene, materials: dict[int, int], name: str = "") 
     material = -1
     if source.visual.kind == "vertex":
         colors = np.asarray(source.visual.vertex_colors)
-        attributes["colors"] = np.concatenate(
-            [linear_from_srgb(colors[:, :3]), colors[:, 3:4].astype(np.float32) / 255], 1
-        )
+        attributes["colors"] = np.concatenate([linear_from_srgb(colors[:, :3]), colors[:, 3:4].astype(np.float32) / 255], 1)
     elif source.visual.kind == "texture":
         uv = source.visual.uv
         if uv is not None and np.shape(uv) == (len(source.vertices), 2):

@@ -83,11 +83,7 @@ class Library:
 
     def _material(self, path: Path, entries: dict[str, str]) -> Material:
         where = f"{path.name}, material {entries['newmtl']}"
-        numbers = {
-            key: _numbers(where, key, entries[key])
-            for key in ("kd", "ks", "ke", "ns", "d", "tr", "pr", "pm")
-            if key in entries
-        }
+        numbers = {key: _numbers(where, key, entries[key]) for key in ("kd", "ks", "ke", "ns", "d", "tr", "pr", "pm") if key in entries}
         alpha = numbers["d"][0] if "d" in numbers else 1 - numbers["tr"][0] if "tr" in numbers else 1.0
         alpha = min(max(alpha, 0.0), 1.0)
         material = Material(name=entries["newmtl"], base_color=(*_rgb(numbers.get("kd", [0.8])), alpha))

@@ -61,11 +61,7 @@ def material_names(scene: Scene) -> list[str]:
 
 
 def _vertices(mesh: Mesh) -> Iterator[str]:
-    colored = (
-        mesh.positions
-        if mesh.colors is None
-        else np.concatenate([mesh.positions, srgb_from_linear(mesh.colors[:, :3])], 1)
-    )
+    colored = mesh.positions if mesh.colors is None else np.concatenate([mesh.positions, srgb_from_linear(mesh.colors[:, :3])], 1)
     flipped = None if mesh.texcoords is None else turned(mesh.texcoords)
     for key, table in (("v", colored), ("vt", flipped), ("vn", mesh.normals)):
         if table is not None:
@@ -103,9 +99,7 @@ def _save_materials(scene: Scene, path: Path, names: list[str]) -> None:
                     files[ref.texture] = f"{path.stem}_{texture_file(scene.textures[ref.texture], ref.texture)}"
                     write_png(path.parent / files[ref.texture], eight_bit(scene.textures[ref.texture]))
                 lines.append(f"{key} {_options(ref, scene.textures[ref.texture])}{files[ref.texture]}")
-        lost = [
-            n for n in ("metallic_roughness", "occlusion", "lightmap") if getattr(material, f"{n}_texture") is not None
-        ]
+        lost = [n for n in ("metallic_roughness", "occlusion", "lightmap") if getattr(material, f"{n}_texture") is not None]
         if lost:
             tell(path.name, f"material {name}: MTL does not hold the {', '.join(lost)} texture")
     with atomic_write(path) as file:

@@ -76,9 +76,7 @@ def _mesh(where: str, vertices: dict[str, Any], values: Array, words: Array) -> 
     bad = np.flatnonzero(~((heads >= 0) & (heads == np.floor(heads)) & (heads < words)))
     if len(bad):
         first = int(bad[0])
-        raise FileError(
-            f"{where}, face {first}", f"a count of {heads[first]:g} and {int(words[first]) - 1} numbers after it"
-        )
+        raise FileError(f"{where}, face {first}", f"a count of {heads[first]:g} and {int(words[first]) - 1} numbers after it")
     counts: Array = heads.astype(np.int64)
     if (words > counts + 1).any():
         tell(where, "colours of faces are ignored")
@@ -110,9 +108,7 @@ def save(scene: Scene, path: Path) -> None:
     with atomic_write(path) as file:
         file.write(f"{header}\n{len(mesh.positions)} {len(mesh.triangles)} 0\n".encode())
         for start in range(0, len(mesh.positions), 1 << 16):
-            rows = zip(
-                *(column.tolist() for part in columns for column in part[start : start + (1 << 16)].T), strict=True
-            )
+            rows = zip(*(column.tolist() for part in columns for column in part[start : start + (1 << 16)].T), strict=True)
             line = " ".join(formats) + "\n"
             file.write("".join(line % row for row in rows).encode())
         for start in range(0, len(mesh.triangles), 1 << 16):

@@ -129,14 +129,8 @@ def _read_header(file: IO[bytes], where: str) -> tuple[str, list[_Element], str]
 
 def _property(words: list[str], order: str, at: str) -> _Property:
     kinds = words[2:4] if words[1:2] == ["list"] else words[1:2]
-    if (
-        not kinds
-        or len(words) != len(kinds) + (3 if len(kinds) == 2 else 2)
-        or any(kind not in _DTYPES for kind in kinds)
-    ):
-        raise FileError(
-            at, f"expected `property TYPE NAME` or `property list TYPE TYPE NAME`, got {' '.join(words)[:80]!r}"
-        )
+    if not kinds or len(words) != len(kinds) + (3 if len(kinds) == 2 else 2) or any(kind not in _DTYPES for kind in kinds):
+        raise FileError(at, f"expected `property TYPE NAME` or `property list TYPE TYPE NAME`, got {' '.join(words)[:80]!r}")
     dtypes = [np.dtype((order or "<") + _DTYPES[kind]) for kind in kinds]
     if len(dtypes) == 2 and dtypes[0].kind == "f":
         raise FileError(at, f"the length of a list cannot be a {kinds[0]}")
@@ -195,19 +189,14 @@ def _first_counts(file: IO[bytes], element: _Element) -> dict[str, int]:
     return counts
 
 
-def _read_rows(
-    file: IO[bytes], element: _Element, dtype: np.dtype[Any], lengths: list[int], counts: dict[str, int]
-) -> _Columns | None:
+def _read_rows(file: IO[bytes], element: _Element, dtype: np.dtype[Any], lengths: list[int], counts: dict[str, int]) -> _Columns | None:
     """Columns of rows that all have `dtype`, read in parts so that no second copy of the whole piles up; None if lists differ."""
     columns: _Columns = {}
     for prop in element.properties:
         shape: Any = element.rows if prop.count is None else (element.rows, counts[prop.name])
         columns[prop.name] = np.empty(shape, prop.dtype.newbyteorder("="))
     names = [name for i, name in enumerate(dtype.names or ()) if i not in lengths]
-    expected = [
-        (f"f{i}", counts[p.name])
-        for i, p in zip(lengths, (p for p in element.properties if p.count is not None), strict=True)
-    ]
+    expected = [(f"f{i}", counts[p.name]) for i, p in zip(lengths, (p for p in element.properties if p.count is not None), strict=True)]
     for start in range(0, element.rows, _ROWS):
         part = np.fromfile(file, dtype, min(_ROWS, element.rows - start))
         if any((part[name] != count).any() for name, count in expected):
@@ -230,9 +219,7 @@ def _walk_bytes(data: bytes, element: _Element, at: str) -> tuple[_Columns, int]
     for row in range(element.rows):
         for k, (head, item, kind) in enumerate(steps):
             if kind is not None:
-                count = int.from_bytes(
-                    data[place : place + head], "big" if kind.str[0] == ">" else "little", signed=kind.kind == "i"
-                )
+                count = int.from_bytes(data[place : place + head], "big" if kind.str[0] == ">" else "little", signed=kind.kind == "i")
                 place += head
                 if count < 0:
                     raise FileError(f"{at}, row {row}", f"a list of {count} values")
@@ -384,9 +371,7 @@ def _triangles(where: str, columns: dict[str, _Columns], positions: Array) -> tu
         return np.zeros((0, 3), np.int32), np.zeros(0, np.int32), None
     flat = _integers(lists.values, f"{where}, element face")
     uv = face.get("texcoord")
-    texcoords = (
-        uv.values.reshape(-1, 2) if isinstance(uv, _Lists) and np.array_equal(uv.counts, 2 * lists.counts) else None
-    )
+    texcoords = uv.values.reshape(-1, 2) if isinstance(uv, _Lists) and np.array_equal(uv.counts, 2 * lists.counts) else None
     if len(flat) == 3 * len(lists.counts) and (lists.counts == 3).all():
         return flat.reshape(-1, 3), flat, texcoords
     few = int(np.count_nonzero(lists.counts < 3))

@@ -36,9 +36,7 @@ class PngStream:
             InputError: A size or channel count that PNG cannot hold.
         """
         if not (0 < width < 2**31 and 0 < height < 2**31 and channels in _COLOR_TYPES):
-            raise InputError(
-                f"PNG: expected width and height in 1..2^31-1 and 1..4 channels, got {width} x {height} x {channels}"
-            )
+            raise InputError(f"PNG: expected width and height in 1..2^31-1 and 1..4 channels, got {width} x {height} x {channels}")
         self.path, self.width, self.height, self.channels = path, width, height, channels
         self.rows = 0
         self._above = np.zeros((1, width * channels), np.uint8)
@@ -68,9 +66,7 @@ class PngStream:
         if self._file is None:
             raise InputError("PngStream: write is for inside its with block")
         if rows.dtype != np.uint8 or (rows.shape[1:] != shape and (rows.shape[1:] != shape[:1] or self.channels > 1)):
-            raise InputError(
-                f"PNG rows: expected (k, {self.width}, {self.channels}) uint8, got {rows.shape} {rows.dtype}"
-            )
+            raise InputError(f"PNG rows: expected (k, {self.width}, {self.channels}) uint8, got {rows.shape} {rows.dtype}")
         if self.rows + len(rows) > self.height:
             raise InputError(f"PNG rows: {self.rows} + {len(rows)} of {self.height}")
         step = max(1, _BAND // (self.width * self.channels))
@@ -94,9 +90,7 @@ class PngStream:
         assert self._file is not None
         self._file.write(struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data)))
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         try:
             if kind is None:
                 if self.rows != self.height:

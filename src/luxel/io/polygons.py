@@ -81,9 +81,7 @@ def _find_ear(flat: Array, left: list[int]) -> int:
     turn = _cross2(points - before, after - points)
     for k in np.flatnonzero(turn > 0):
         a, b, c = before[k], points[k], after[k]
-        inside = (
-            (_cross2(b - a, points - a) >= 0) & (_cross2(c - b, points - b) >= 0) & (_cross2(a - c, points - c) >= 0)
-        )
+        inside = (_cross2(b - a, points - a) >= 0) & (_cross2(c - b, points - b) >= 0) & (_cross2(a - c, points - c) >= 0)
         corner = (points == a).all(1) | (points == b).all(1) | (points == c).all(1)
         if not (inside & ~corner).any():
             return int(k)
@@ -96,11 +94,7 @@ def _cross2(a: Array, b: Array) -> Array:
 
 def strip(indices: Array) -> Array:
     """(m, 3): the triangles of a strip of indices (k,), each wound as the first; those that use a vertex twice are left out."""
-    triangles = (
-        np.stack([indices[:-2], indices[1:-1], indices[2:]], 1)
-        if len(indices) >= 3
-        else np.zeros((0, 3), indices.dtype)
-    )
+    triangles = np.stack([indices[:-2], indices[1:-1], indices[2:]], 1) if len(indices) >= 3 else np.zeros((0, 3), indices.dtype)
     triangles[1::2, 1:] = triangles[1::2, :0:-1].copy()
     return _proper(triangles)
 

@@ -19,9 +19,7 @@ def words_per_line(text: bytes) -> Array:
     return np.diff(np.cumsum(begins, dtype=np.int64)[data == 10], prepend=0)
 
 
-def parse(
-    text: bytes, dtype: type, where: str, line: Callable[[int], int] | None = None, expected: int | None = None
-) -> Array:
+def parse(text: bytes, dtype: type, where: str, line: Callable[[int], int] | None = None, expected: int | None = None) -> Array:
     """All numbers of `text` as float64 (`dtype` float) or int64 (int).
 
     Args:
@@ -35,7 +33,7 @@ def parse(
         FileError: A word is no number; the first is shown, with its line.
     """
     try:
-        values = np.fromstring(text, dtype, sep=" ")
+        values: Array = np.fromstring(text, dtype, sep=" ")
         if expected is None or len(values) == expected:
             return values
     except (ValueError, DeprecationWarning):

@@ -8,6 +8,7 @@ corner takes only the faces around its vertex that turn from its own face by no 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -250,7 +251,7 @@ def _split(mesh: Mesh, normals: Array, corners: Array, corner_normals: Array) ->
         return replace(mesh, normals=normals)
     normals = np.concatenate([normals, kind_normal[~first]])
     normals[kind_vertex[first]] = kind_normal[first]
-    carried = {
+    carried: dict[str, Any] = {
         name: np.concatenate([value, value[source]])
         for name in ("positions", "texcoords", "texcoords1", "colors", "tangents")
         if (value := getattr(mesh, name)) is not None

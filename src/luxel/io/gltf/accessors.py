@@ -36,9 +36,7 @@ def read(document: Document, index: int, asked_by: str, *, types: tuple[str, ...
         raise FileError(part.where, f"componentType: expected one of {sorted(_COMPONENTS)}, got {code}")
     dtype, width = np.dtype(_COMPONENTS[code]), _WIDTHS[kind]
     if part.has("bufferView"):
-        values = _strided(
-            document, part, part.integer("bufferView"), part.integer("byteOffset", 0), count, dtype, width
-        )
+        values = _strided(document, part, part.integer("bufferView"), part.integer("byteOffset", 0), count, dtype, width)
     elif count * dtype.itemsize > 64 * document.size:
         raise FileError(part.where, f"count {count} without a buffer view, in a file of {document.size} bytes")
     else:
@@ -58,9 +56,7 @@ def _strided(document: Document, part: Part, view: int, offset: int, count: int,
         raise FileError(part.where, f"byteStride {stride} is less than the {item} bytes of an element")
     needed = (count - 1) * stride + item
     if offset + needed > len(data):
-        raise FileError(
-            part.where, f"count {count} needs {needed} bytes from byte {offset} of a buffer view of {len(data)}"
-        )
+        raise FileError(part.where, f"count {count} needs {needed} bytes from byte {offset} of a buffer view of {len(data)}")
     values = np.ndarray((count, width), dtype, data, offset, (stride, dtype.itemsize))
     return values if values.flags.aligned else values.copy()
 
@@ -83,9 +79,7 @@ def _with_sparse(document: Document, sparse: Part, values: Array) -> Array:
         np.dtype(_COMPONENTS[code]),
         1,
     )[:, 0]
-    fresh = _strided(
-        document, what, what.integer("bufferView"), what.integer("byteOffset", 0), count, values.dtype, values.shape[1]
-    )
+    fresh = _strided(document, what, what.integer("bufferView"), what.integer("byteOffset", 0), count, values.dtype, values.shape[1])
     if int(rows.max()) >= len(values):
         raise FileError(where.where, f"row {int(rows.max())} of an accessor of {len(values)}")
     values = values.copy()

@@ -49,9 +49,7 @@ class Part:
 
     def integer(self, key: str, default: Any = _REQUIRED, low: int = 0, high: int = 2**53) -> Any:
         """An integer in low..high, or `default`."""
-        value = self._get(
-            key, default, lambda v: _is_number(v) and v == int(v) and low <= v <= high, f"an integer in {low}..{high}"
-        )
+        value = self._get(key, default, lambda v: _is_number(v) and v == int(v) and low <= v <= high, f"an integer in {low}..{high}")
         return int(value) if isinstance(value, float) else value
 
     def number(self, key: str, default: Any = _REQUIRED, low: float = -math.inf) -> Any:
@@ -91,9 +89,7 @@ class Part:
 
     def strings(self, key: str) -> list[str]:
         """A list of strings; empty where missing."""
-        return self._get(
-            key, [], lambda v: isinstance(v, list) and all(isinstance(s, str) for s in v), "a list of strings"
-        )
+        return self._get(key, [], lambda v: isinstance(v, list) and all(isinstance(s, str) for s in v), "a list of strings")
 
     def part(self, key: str) -> Part | None:
         """The object under `key`, or None."""
@@ -108,11 +104,7 @@ class Part:
     def extension(self, name: str) -> Part | None:
         """The object of extension `name`, or None."""
         extensions = self.part("extensions")
-        return (
-            None
-            if extensions is None or not extensions.has(name)
-            else Part(f"{self.where}, {name}", extensions.data[name])
-        )
+        return None if extensions is None or not extensions.has(name) else Part(f"{self.where}, {name}", extensions.data[name])
 
 
 class Document(Part):
@@ -214,11 +206,7 @@ def _is_number(value: Any) -> bool:
 
 
 def _shown(value: Any) -> str:
-    text = (
-        json.dumps(value, default=str)
-        if not isinstance(value, (dict, list))
-        else f"{type(value).__name__} of {len(value)}"
-    )
+    text = json.dumps(value, default=str) if not isinstance(value, (dict, list)) else f"{type(value).__name__} of {len(value)}"
     return text if len(text) <= 60 else text[:60] + "..."
 
 

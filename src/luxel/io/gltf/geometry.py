@@ -29,9 +29,7 @@ class Geometry:
     weights: Array | None = None  # (n, 4) float32
 
 
-def read_primitive(
-    document: Document, part: Part, morph: tuple[float, ...], name: str, material: int
-) -> Geometry | None:
+def read_primitive(document: Document, part: Part, morph: tuple[float, ...], name: str, material: int) -> Geometry | None:
     """One primitive as a mesh with the morph targets added at weights `morph`; None where it draws no triangles."""
     mode = part.integer("mode", 4)
     if mode not in _DRAWN_MODES:
@@ -84,11 +82,7 @@ def _triangles(document: Document, part: Part, rows: int, mode: int) -> Array:
         indices = read(document, part.integer("indices"), part.where, types=("SCALAR",))[:, 0]
         if indices.dtype.kind != "u":
             raise FileError(part.where, f"indices: expected unsigned integers, got {indices.dtype}")
-        indices = (
-            indices.astype(np.int64)
-            if indices.dtype.itemsize == 4 and int(indices.max()) > 2**31 - 1
-            else indices.astype(np.int32)
-        )
+        indices = indices.astype(np.int64) if indices.dtype.itemsize == 4 and int(indices.max()) > 2**31 - 1 else indices.astype(np.int32)
     else:
         indices = np.arange(rows, dtype=np.int32)
     if mode == 5:
@@ -103,9 +97,7 @@ def _triangles(document: Document, part: Part, rows: int, mode: int) -> Array:
     return indices[: len(indices) // 3 * 3].reshape(-1, 3)
 
 
-def _morphed(
-    document: Document, part: Part, positions: Array, arrays: dict[str, Any], weights: tuple[float, ...]
-) -> Array:
+def _morphed(document: Document, part: Part, positions: Array, arrays: dict[str, Any], weights: tuple[float, ...]) -> Array:
     """Positions plus the weighted sum of the targets' displacements; normals in `arrays` likewise, and unit again."""
     for target, weight in zip(part.parts("targets", "target"), weights, strict=False):
         if weight == 0:

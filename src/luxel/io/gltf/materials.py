@@ -92,9 +92,7 @@ class Textures:
             ("minFilter", least, _FILTERS),
         ):
             if value not in cast(dict[int, Any], known):
-                raise FileError(
-                    sampler.where, f"{key}: expected one of {sorted(cast(dict[int, Any], known))}, got {value}"
-                )
+                raise FileError(sampler.where, f"{key}: expected one of {sorted(cast(dict[int, Any], known))}, got {value}")
         filtering = _FILTERS[least]
         if most == 9728 and filtering == "bilinear":
             filtering = "nearest"

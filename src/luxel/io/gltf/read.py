@@ -220,9 +220,7 @@ class _Reader:
         kind = part.text("type")
         lens = part.part(kind) if kind in ("perspective", "orthographic") else None
         if lens is None:
-            raise FileError(
-                part.where, f"type: expected perspective or orthographic with its object, got {kind[:20]!r}"
-            )
+            raise FileError(part.where, f"type: expected perspective or orthographic with its object, got {kind[:20]!r}")
         pose = _rigid(node.world, node.part.where)
         name = node.part.text("name", "") or part.text("name", "")
         if kind == "perspective":

@@ -118,11 +118,7 @@ class _Meshes:
     def _primitive(self, index: int) -> g.Primitive:
         if index not in self._primitives:
             mesh = self.scene.meshes[index]
-            attributes = {
-                name: self._attribute(field, array)
-                for field, name in _ATTRIBUTES.items()
-                if (array := getattr(mesh, field)) is not None
-            }
+            attributes = {name: self._attribute(field, array) for field, name in _ATTRIBUTES.items() if (array := getattr(mesh, field)) is not None}
             narrow = len(mesh.positions) <= 65535
             indices = mesh.triangles.reshape(-1).astype(np.uint16 if narrow else np.uint32)
             self._primitives[index] = g.Primitive(
@@ -154,16 +150,10 @@ def _write_cameras(scene: Scene, gltf: g.GLTF2, root: g.Scene) -> None:
     for camera in scene.cameras:
         far = camera.far if np.isfinite(camera.far) else None
         if camera.yfov is not None:
-            lens = {
-                "perspective": g.Perspective(yfov=camera.yfov, znear=camera.near, zfar=far, aspectRatio=camera.aspect)
-            }
+            lens = {"perspective": g.Perspective(yfov=camera.yfov, znear=camera.near, zfar=far, aspectRatio=camera.aspect)}
         else:
             half = camera.height / 2
-            lens = {
-                "orthographic": g.Orthographic(
-                    xmag=half * (camera.aspect or 1.0), ymag=half, znear=camera.near, zfar=far
-                )
-            }
+            lens = {"orthographic": g.Orthographic(xmag=half * (camera.aspect or 1.0), ymag=half, znear=camera.near, zfar=far)}
         gltf.cameras.append(g.Camera(type=next(iter(lens)), name=camera.name or None, **lens))
         root.nodes.append(_node(gltf, camera.world_from_camera, camera.name, camera=len(gltf.cameras) - 1))
 

@@ -80,9 +80,7 @@ class Materials:
         pbr.baseColorTexture = self._info(material.base_color_texture)
         pbr.metallicRoughnessTexture = self._info(material.metallic_roughness_texture)
         made.emissiveTexture = self._info(material.emissive_texture)
-        made.normalTexture = self._info(
-            material.normal_texture, g.NormalMaterialTexture, scale=float(material.normal_scale)
-        )
+        made.normalTexture = self._info(material.normal_texture, g.NormalMaterialTexture, scale=float(material.normal_scale))
         strength = float(material.occlusion_strength)
         made.occlusionTexture = self._info(material.occlusion_texture, g.OcclusionTextureInfo, strength=strength)
         light = material.lightmap_texture
@@ -117,9 +115,7 @@ class Materials:
         if index not in self._textures:
             gltf, texture = self.buffer.gltf, self.scene.textures[index]
             least, most = _FILTERS[texture.filter]
-            gltf.samplers.append(
-                g.Sampler(magFilter=most, minFilter=least, wrapS=_WRAPS[texture.wrap[0]], wrapT=_WRAPS[texture.wrap[1]])
-            )
+            gltf.samplers.append(g.Sampler(magFilter=most, minFilter=least, wrapS=_WRAPS[texture.wrap[0]], wrapT=_WRAPS[texture.wrap[1]]))
             self._textures[index] = len(gltf.textures)
             source, sampler = self._image(index, texture), len(gltf.samplers) - 1
             gltf.textures.append(g.Texture(sampler=sampler, source=source, name=texture.name or None))
