@@ -31,6 +31,9 @@ MAX_STEP = 1 << 22
 AHEAD = 6
 """Triangles; so far ahead are vertices asked for, twice as far their indices: large meshes do not fit in the core's cache."""
 
+BEHIND = np.float32(-1.0)
+"""Depth where there is nothing: farther than 0, which is the far plane of an orthographic camera, and drawn."""
+
 
 @jit.inlined
 def edge_bias(a, b):
@@ -100,7 +103,7 @@ def _cover(queue, first_tile, last_tile, across, tile, width, height, start, bin
             slot = number - first_tile
             ids = ids_out[slot]
             depth = depths[slot] if keep_depth else own
-            depth[:] = np.float32(0.0)
+            depth[:] = BEHIND
             ids[:] = NOTHING
             px, py = (number % across) * tile, (number // across) * tile
             wide, high = min(tile, width - px), min(tile, height - py)
@@ -177,9 +180,9 @@ def cover(bins: Bins, triangles: Array, screen: Array, clipped: Clipped, pattern
     """Find the nearest triangle at each sample of tiles first_tile .. last_tile - 1.
 
     Args:
-        ids: (tiles, s * tile * tile + LANES) int32, sample by sample,, written; drawn ids, `NOTHING` where none. Tiles with an empty bin are left as they are.
+        ids: (tiles, s * tile * tile + LANES) int32, sample by sample, written; drawn ids, `NOTHING` where none. Tiles with an empty bin are left as they are.
         clear_all: Also clear tiles with an empty bin.
-        depths: The same shape, float32, written (0 where nothing); or (0, ...) if the depths are not wanted.
+        depths: The same shape, float32, written (-1 where nothing); or (0, ...) if the depths are not wanted.
     """
     jit.run(
         _cover, min(threads, last_tile - first_tile), first_tile, last_tile, bins.across, bins.tile, width, height, bins.start,
