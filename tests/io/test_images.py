@@ -180,6 +180,20 @@ def test_decompression_bombs_are_errors(tmp_path, monkeypatch):
             read_image(tmp_path / "x.png")
 
 
+def test_exr_that_claims_too_much(tmp_path):
+    pytest.importorskip("OpenEXR")
+    write_exr(tmp_path / "x.exr", {"": np.zeros((4, 5, 4), np.float32)})
+    window = struct.pack("<4i", 0, 0, 4, 3)
+    huge = struct.pack("<4i", 0, 0, 60_000, 60_000)
+    data = (tmp_path / "x.exr").read_bytes()
+    assert data.count(window) == 2  # data and display
+    tracemalloc.start()
+    with pytest.raises(FileError, match=r"60001 x 60001 pixels"):
+        decode_image(data.replace(window, huge), "x.exr")
+    assert tracemalloc.get_traced_memory()[1] < 1e6
+    tracemalloc.stop()
+
+
 @pytest.mark.parametrize("name", ["png", "jpg", "hdr", "flat.hdr"])
 def test_broken_pictures_are_errors(name, tmp_path):
     if name.endswith("hdr"):

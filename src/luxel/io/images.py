@@ -95,9 +95,7 @@ def _decode_pillow(data: bytes, where: str) -> Array:
             image: Image.Image = Image.open(io.BytesIO(data))
         except Image.UnidentifiedImageError:
             raise FileError(where, "not a picture in a format that Pillow knows") from None
-    limit = Image.MAX_IMAGE_PIXELS
-    if limit and image.width * image.height > limit:
-        raise FileError(where, f"{image.width} x {image.height} pixels, more than the limit of {limit} against decompression bombs")
+    _check_size(image.width, image.height, where)
     with image:
         if image.mode.startswith("I"):
             wide = np.asarray(image, np.float32)[..., None] / np.float32(65535)
@@ -114,6 +112,14 @@ def _decode_pillow(data: bytes, where: str) -> Array:
     return array[..., None] if array.ndim == 2 else array
 
 
+def _check_size(width: int, height: int, where: str) -> None:
+    from PIL import Image
+
+    limit = Image.MAX_IMAGE_PIXELS
+    if limit and width * height > limit:
+        raise FileError(where, f"{width} x {height} pixels, more than the limit of {limit} against decompression bombs")
+
+
 def _decode_exr(data: bytes, where: str) -> Array:
     OpenEXR = _openexr(f"{where}: reading .exr")
     import tempfile
@@ -122,8 +128,13 @@ def _decode_exr(data: bytes, where: str) -> Array:
         file.write(data)
         file.flush()
         try:
+            with OpenEXR.File(file.name, header_only=True) as exr:
+                low, high = exr.header()["dataWindow"]
+            _check_size(int(high[0]) - int(low[0]) + 1, int(high[1]) - int(low[1]) + 1, where)
             with OpenEXR.File(file.name, separate_channels=True) as exr:
                 channels = {name: np.asarray(channel.pixels, np.float32) for name, channel in exr.channels().items()}
+        except FileError:
+            raise
         except Exception as error:
             raise FileError(where, f"cannot be decoded as OpenEXR: {error}") from error
     names = [name for name in "RGBA" if name in channels] or [name for name in ("Y", *sorted(channels)) if name in channels][:1]
