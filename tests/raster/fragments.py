@@ -13,14 +13,18 @@ from luxel.scene.scene import Scene
 
 
 @jit.kernel
+def _shade(g, material, n, materials, lights, lit):
+    surface(g, material, n, materials)
+    if lit:
+        light(g, n, lights)
+
+
 def evaluate_and_light(g, material, n, materials, lights):
-    surface(g, material, n, materials)
-    light(g, n, lights)
+    _shade(g, material, n, materials, lights, True)
 
 
-@jit.kernel
 def evaluate(g, material, n, materials):
-    surface(g, material, n, materials)
+    _shade(g, material, n, materials, pack_lights(Scene(), Camera()), False)
 
 
 def batch(**rows):

@@ -3,8 +3,26 @@ import pytest
 
 from luxel.errors import InputError
 from luxel.raster.materials import (
-    ALPHA_BLEND, ALPHA_MASK, CODE, CUTOFF, DOUBLE_SIDED, EMISSIVE, GOURAUD, MODEL_LAMBERT, MODEL_MASK, MODEL_PBR, MODEL_PHONG,
-    MODEL_UNLIT, NEEDS_COLOR, NEEDS_FACE, NEEDS_NORMAL, NEEDS_TANGENT, NEEDS_UV0, NEEDS_UV1, NEEDS_VIEW, pack_materials,
+    ALPHA_BLEND,
+    ALPHA_MASK,
+    CODE,
+    CUTOFF,
+    DOUBLE_SIDED,
+    EMISSIVE,
+    GOURAUD,
+    MODEL_LAMBERT,
+    MODEL_MASK,
+    MODEL_PBR,
+    MODEL_PHONG,
+    MODEL_UNLIT,
+    NEEDS_COLOR,
+    NEEDS_FACE,
+    NEEDS_NORMAL,
+    NEEDS_TANGENT,
+    NEEDS_UV0,
+    NEEDS_UV1,
+    NEEDS_VIEW,
+    pack_materials,
 )  # fmt: skip
 from luxel.scene.material import Material, Texture, TextureRef
 from luxel.scene.mesh import Mesh

@@ -48,7 +48,11 @@ def level(texture, k, **material):
 def oracle(image, wrap, uv):
     """Bilinear interpolation, straight from the definition: a sum over all texels of the unrolled picture near the place."""
     height, width = image.shape[:2]
-    place = {"repeat": lambda i, n: i % n, "clamp": lambda i, n: min(max(i, 0), n - 1), "mirror": lambda i, n: min(i % (2 * n), 2 * n - 1 - i % (2 * n))}
+    place = {
+        "repeat": lambda i, n: i % n,
+        "clamp": lambda i, n: min(max(i, 0), n - 1),
+        "mirror": lambda i, n: min(i % (2 * n), 2 * n - 1 - i % (2 * n)),
+    }
     total = np.zeros((len(uv), image.shape[2]))
     for k, (u, v) in enumerate(uv):
         x, y = u * width - 0.5, v * height - 0.5
@@ -60,7 +64,8 @@ def oracle(image, wrap, uv):
 
 def picture(height, width, channels=4, seed=0, dtype=np.uint8):
     rng = np.random.default_rng(seed)
-    return rng.integers(0, 256, (height, width, channels), dtype=np.uint8) if dtype == np.uint8 else rng.random((height, width, channels)).astype(dtype)
+    codes = rng.integers(0, 256, (height, width, channels), dtype=np.uint8)
+    return codes if dtype == np.uint8 else (codes / 255).astype(dtype)
 
 
 @pytest.mark.parametrize("wrap", [("repeat", "clamp"), ("mirror", "repeat"), ("clamp", "mirror")])

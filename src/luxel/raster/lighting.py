@@ -61,7 +61,7 @@ from luxel.raster.channels import (
     VX,
     VY,
     VZ,
-)  # fmt: skip
+)
 from luxel.raster.materials import EMISSIVE, LIGHTMAPPED, MODEL_LAMBERT, MODEL_MASK, MODEL_PBR, MODEL_PHONG, MODEL_UNLIT, OCCLUDED
 from luxel.scene.camera import Camera
 from luxel.scene.light import Ambient, Light

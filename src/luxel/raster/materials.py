@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -91,7 +91,8 @@ def pack_materials(scene: Scene, shading: str | None = None, vertices: bool = Fa
 
 
 def _bare(material: Material) -> Material:
-    return replace(material, **{f"{slot}_texture": None for slot in SLOTS})
+    none: dict[str, Any] = {f"{slot}_texture": None for slot in SLOTS}
+    return replace(material, **none)
 
 
 def _pack(material: Material, model: str, colored: bool) -> tuple[Array, Array, int]:

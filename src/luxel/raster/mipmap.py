@@ -123,8 +123,10 @@ def halve(level: Array, weighted: bool = False) -> Array:
     for axis in (0, 1):
         lines = np.moveaxis(level, axis, 0)
         weights = _taps(len(lines))
-        halved = [weights[:, tap, None, None] * lines[tap::2][: len(weights)] for tap in range(weights.shape[1])]
-        level = np.moveaxis(sum(halved), 0, axis)
+        halved = weights[:, 0, None, None] * lines[::2][: len(weights)]
+        for tap in range(1, weights.shape[1]):
+            halved += weights[:, tap, None, None] * lines[tap::2][: len(weights)]
+        level = np.moveaxis(halved, 0, axis)
     return np.ascontiguousarray(level, np.float32)
 
 

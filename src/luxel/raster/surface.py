@@ -56,7 +56,7 @@ from luxel.raster.channels import (
     TZ,
     U0,
     U1,
-)  # fmt: skip
+)
 from luxel.raster.materials import (
     ALPHA,
     BASE_SLOT,
@@ -89,7 +89,7 @@ from luxel.raster.materials import (
     TEXTURE,
     TRANSFORMS,
     MaterialTable,
-)  # fmt: skip
+)
 from luxel.raster.texture import alpha_at, fetch
 
 _ZERO, _ONE, _TWO, _TINY = np.float32(0.0), np.float32(1.0), np.float32(2.0), np.float32(1e-30)
@@ -150,7 +150,7 @@ def evaluate(g: Array, n: int, row: int, table: MaterialTable) -> None:
             uv = U1 if table.ints[row, TEXCOORD + slot] else U0
             fetch(g, n, table.textures[which], table.levels[which], table.texels, table.radiance, uv, transform)
             if slot == NORMAL_SLOT:
-                bend(g, n, uv, transform, table.floats[row, NORMAL_SCALE])
+                bend(g, n, g[uv:], transform, table.floats[row, NORMAL_SCALE])
             else:
                 apply(g, n, slot, table.floats[row])
     if code & MODEL_MASK == MODEL_PBR or (code & MODEL_MASK == MODEL_PHONG and table.ints[row, DERIVED]):
@@ -189,7 +189,7 @@ def normalise(g: Array, n: int) -> None:
 
 
 @part
-def bend(g: Array, n: int, uv: int, transform: Array, strength: np.float32) -> None:
+def bend(g: Array, n: int, uv: Array, transform: Array, strength: np.float32) -> None:
     """Apply the normal map in TEXR TEXG TEXB to the unit normal.
 
     The frame is the mesh's tangent, or else, per fragment, the directions on the surface in which u grows and v falls (+Y of a
@@ -199,27 +199,24 @@ def bend(g: Array, n: int, uv: int, transform: Array, strength: np.float32) -> N
     for i in range(n):
         front = g[FRONT + i]
         nx, ny, nz = g[NX + i] * front, g[NY + i] * front, g[NZ + i] * front
-        if g[TW + i] != _ZERO:
-            tx, ty, tz, w = g[TX + i], g[TY + i], g[TZ + i], g[TW + i]
-            bx, by, bz = (ny * tz - nz * ty) * w, (nz * tx - nx * tz) * w, (nx * ty - ny * tx) * w
-        else:
-            s, t = g[uv + 2 * PITCH + i], g[uv + 3 * PITCH + i]
-            ux, vx = a * s + b * t, d * s + e * t
-            s, t = g[uv + 4 * PITCH + i], g[uv + 5 * PITCH + i]
-            uy, vy = a * s + b * t, d * s + e * t
-            # Rows of the inverse: n x (dP/dx) and (dP/dy) x n, which are the gradients of the pixel's y and x on the surface.
-            px, py, pz = g[DXX + i], g[DXY + i], g[DXZ + i]
-            yx, yy, yz = ny * pz - nz * py, nz * px - nx * pz, nx * py - ny * px
-            px, py, pz = g[DYX + i], g[DYY + i], g[DYZ + i]
-            xx, xy, xz = py * nz - pz * ny, pz * nx - px * nz, px * ny - py * nx
-            tx, ty, tz = xx * ux + yx * uy, xy * ux + yy * uy, xz * ux + yz * uy
-            bx, by, bz = -(xx * vx + yx * vy), -(xy * vx + yy * vy), -(xz * vx + yz * vy)
-            # The triple product tells on which side of the surface x and y turn left.
-            turn = xx * g[DXX + i] + xy * g[DXY + i] + xz * g[DXZ + i]
-            size = max(tx * tx + ty * ty + tz * tz, bx * bx + by * by + bz * bz)
-            scale = np.float32(math.copysign(_ONE, turn)) / np.float32(math.sqrt(max(size, _TINY)))
-            tx, ty, tz = tx * scale, ty * scale, tz * scale
-            bx, by, bz = bx * scale, by * scale, bz * scale
+        ux, vx, uy, vy = uv[2 * PITCH + i], uv[3 * PITCH + i], uv[4 * PITCH + i], uv[5 * PITCH + i]
+        ux, vx, uy, vy = a * ux + b * vx, d * ux + e * vx, a * uy + b * vy, d * uy + e * vy
+        # n x dP/dx and dP/dy x n are the gradients of the pixel's y and x on the surface, times the triple product, whose sign
+        # tells on which side of the surface x turns into y.
+        px, py, pz = g[DXX + i], g[DXY + i], g[DXZ + i]
+        qx, qy, qz = g[DYX + i], g[DYY + i], g[DYZ + i]
+        yx, yy, yz = ny * pz - nz * py, nz * px - nx * pz, nx * py - ny * px
+        xx, xy, xz = qy * nz - qz * ny, qz * nx - qx * nz, qx * ny - qy * nx
+        turn = xx * px + xy * py + xz * pz
+        tx, ty, tz = xx * ux + yx * uy, xy * ux + yy * uy, xz * ux + yz * uy
+        bx, by, bz = xx * vx + yx * vy, xy * vx + yy * vy, xz * vx + yz * vy
+        size = max(tx * tx + ty * ty + tz * tz, bx * bx + by * by + bz * bz)
+        scale = (_ONE if turn > _ZERO else -_ONE) / np.float32(math.sqrt(max(size, _TINY)))
+        own, w = g[TW + i] != _ZERO, g[TW + i]
+        tx, ty, tz = g[TX + i] if own else tx * scale, g[TY + i] if own else ty * scale, g[TZ + i] if own else tz * scale
+        bx = (ny * tz - nz * ty) * w if own else -bx * scale
+        by = (nz * tx - nx * tz) * w if own else -by * scale
+        bz = (nx * ty - ny * tx) * w if own else -bz * scale
         x, y, z = (_TWO * g[TEXR + i] - _ONE) * strength, (_TWO * g[TEXG + i] - _ONE) * strength, _TWO * g[TEXB + i] - _ONE
         nx, ny, nz = tx * x + bx * y + nx * z, ty * x + by * y + ny * z, tz * x + bz * y + nz * z
         scale = front / np.float32(math.sqrt(max(nx * nx + ny * ny + nz * nz, _TINY)))

@@ -1,8 +1,9 @@
 """Texture sampling: nearest, bilinear, trilinear over mipmaps, with more probes where the footprint is long.
 
 Texel (x, y) has its centre at ((x + 0.5) / width, (y + 0.5) / height), v grows downwards, and level l is max(1, width >> l) wide.
-The footprint's two axes are the derivatives per pixel along x and y, in texels of level 0, but no shorter than one. Where the longer one is r times the shorter
-one, min(4, round(r)) probes are spread evenly along it; the level of detail is log2 of the longer axis over their number, at least 0.
+The footprint's two axes are the derivatives per pixel along x and y, in texels of level 0, but no shorter than one. Where the longer
+one is r times the shorter one, min(4, round(r)) probes are spread evenly along it; the level of detail is log2 of the longer axis
+over their number.
 8-bit texels are decoded before they are weighted, so filtering is in linear light.
 
 A batch takes one texture at a time, in stages: places and addresses in vector registers, texels fetched one by one, then decoding
@@ -19,12 +20,43 @@ from luxel.arrays import Array
 from luxel.jit import bits_float, float_bits, inlined, part
 from luxel.raster.arithmetic import log2
 from luxel.raster.channels import (
-    ALONG, AXIS_S, AXIS_T, BLEND, DOWN, LEVEL, PITCH, PLACE_S, PLACE_T, PROBE_S, PROBE_T, PROBES, TEXA, TEXB, TEXEL0, TEXEL1,
-    TEXEL2, TEXEL3, TEXG, TEXR, WEIGHT,
-)  # fmt: skip
+    ALONG,
+    AXIS_S,
+    AXIS_T,
+    BLEND,
+    DOWN,
+    LEVEL,
+    PITCH,
+    PLACE_S,
+    PLACE_T,
+    PROBE_S,
+    PROBE_T,
+    PROBES,
+    TEXA,
+    TEXB,
+    TEXEL0,
+    TEXEL1,
+    TEXEL2,
+    TEXEL3,
+    TEXG,
+    TEXR,
+    WEIGHT,
+)
 from luxel.raster.mipmap import (
-    CLAMP, FILTER, HEIGHT, LEVELS, LUT, NEAREST, REPEAT, SRGB, TRILINEAR, WIDE, WIDTH, WRAP_U, WRAP_V,
-)  # fmt: skip
+    CLAMP,
+    FILTER,
+    HEIGHT,
+    LEVELS,
+    LUT,
+    NEAREST,
+    REPEAT,
+    SRGB,
+    TRILINEAR,
+    WIDE,
+    WIDTH,
+    WRAP_U,
+    WRAP_V,
+)
 
 MOST_PROBES = 4
 
