@@ -26,8 +26,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         words.insert(0, "--traceback")
     with warnings.catch_warnings():
         _show_warnings_on_one_line()
-        code = _guarded(words)
-        return _flushed(code)
+        code = _flushed(_guarded(words))
+    if code == INTERRUPTED and arguments is None:
+        os._exit(code)  # at once: not after kernels that still run, and not by the signal, as CPython may choose to
+    return code
 
 
 def _guarded(words: list[str]) -> int:
