@@ -34,7 +34,7 @@ def look_at(eye: object, target: object, up: object = (0.0, 1.0, 0.0)) -> Array:
     eye_, target_, up_ = (checked(v, (3,), np.float64, n) for v, n in ((eye, "eye"), (target, "target"), (up, "up")))
     back = _unit(eye_ - target_, "eye - target")
     right = np.cross(up_, back)
-    if np.linalg.norm(right) < 1e-9 * max(np.linalg.norm(up_), 1e-300):  # looks along up: any right will do
+    if np.linalg.norm(right) < 1e-9 * max(float(np.linalg.norm(up_)), 1e-300):  # looks along up: any right will do
         right = np.cross(np.roll(back, 1), back)
     right = _unit(right, "up")
     matrix = np.eye(4)
