@@ -10,6 +10,7 @@ from luxel.raster.materials import (
     DOUBLE_SIDED,
     EMISSIVE,
     GOURAUD,
+    METAL,
     MODEL_LAMBERT,
     MODEL_MASK,
     MODEL_PBR,
@@ -106,6 +107,11 @@ def test_the_vertices_of_gouraud_materials_are_lit_without_textures():
     assert fragments.ints[0, CODE] & MODEL_MASK == MODEL_UNLIT
     assert (fragments.floats[0, :4] == 1).all()
     assert fragments.flags[0] == GOURAUD | NEEDS_COLOR | NEEDS_UV0
+
+
+def test_metal_that_only_a_texture_knows_is_paint_at_the_vertices():
+    scene = Scene(materials=[Material(metallic=1.0, metallic_roughness_texture=TextureRef(0)), Material(metallic=1.0)], textures=[TEXTURE])
+    assert pack_materials(scene, "gouraud", vertices=True).floats[:2, METAL].tolist() == [0, 1]
 
 
 def test_unknown_shading_is_refused():

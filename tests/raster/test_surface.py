@@ -66,6 +66,12 @@ def test_phong_and_pbr_translate_into_each_other():
     assert int(g[c.MODEL]) == MODEL_PHONG
 
 
+def test_half_a_metal_is_diffuse_in_phong():
+    g, n = surface_of(Material(base_color=(0.8, 0.6, 0.4, 1), metallic=1.0), shading="phong")
+    assert np.allclose(rgb(g, n, c.CR), (0.4, 0.3, 0.2))
+    assert np.allclose(rgb(g, n, c.SPR), (0.42, 0.32, 0.22))
+
+
 def test_smoothness_is_limited_also_from_a_texture():
     material = Material(roughness=1, metallic_roughness_texture=TextureRef(0), shading="pbr")
     g, n = surface_of(material, [flat_texture(0, 0, 0)])

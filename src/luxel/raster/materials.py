@@ -91,8 +91,9 @@ def pack_materials(scene: Scene, shading: str | None = None, vertices: bool = Fa
 
 
 def _bare(material: Material) -> Material:
+    """The material without its textures; where one tells metal from paint, all is taken for paint."""
     none: dict[str, Any] = {f"{slot}_texture": None for slot in SLOTS}
-    return replace(material, **none)
+    return replace(material, metallic=0.0 if material.metallic_roughness_texture else material.metallic, **none)
 
 
 def _pack(material: Material, model: str, colored: bool) -> tuple[Array, Array, int]:

@@ -2,7 +2,8 @@
 
 What `light` gets is the same for all materials: a diffuse colour, a specular colour (F0 of glTF's model, Ks of Blinn-Phong), a
 roughness or an exponent, and a unit normal. glTF, Appendix B: diffuse = base * (1 - metallic), F0 = lerp(0.04, base, metallic).
-Blinn-Phong with neither Ks nor Ns takes the same, with exponent 2 / roughness^4 - 2.
+Blinn-Phong without a Ks takes the same with half the metallic, because it has no mirror image of the surroundings to show, in which
+metals would not be black; its exponent is 2 / roughness^4 - 2.
 """
 
 from __future__ import annotations
@@ -92,7 +93,7 @@ from luxel.raster.materials import (
 )
 from luxel.raster.texture import alpha_at, fetch
 
-_ZERO, _ONE, _TWO, _TINY = np.float32(0.0), np.float32(1.0), np.float32(2.0), np.float32(1e-30)
+_ZERO, _HALF, _ONE, _TWO, _TINY = (np.float32(x) for x in (0, 0.5, 1, 2, 1e-30))
 _DIELECTRIC, _SMOOTHEST = np.float32(0.04), np.float32(LEAST_ROUGHNESS)
 
 
@@ -273,8 +274,10 @@ def apply(g: Array, n: int, slot: int, numbers: Array) -> None:
 @part
 def metal(g: Array, n: int, phong: bool) -> None:
     """Split the base colour into diffuse and specular by the metallic part; for Blinn-Phong, turn the roughness into an exponent."""
+    share = _HALF if phong else _ONE
     for i in range(n):
-        metallic, dielectric = g[METALLIC + i], _DIELECTRIC - _DIELECTRIC * g[METALLIC + i]
+        metallic = g[METALLIC + i] * share
+        dielectric = _DIELECTRIC - _DIELECTRIC * metallic
         g[SPR + i] = dielectric + g[CR + i] * metallic
         g[SPG + i] = dielectric + g[CG + i] * metallic
         g[SPB + i] = dielectric + g[CB + i] * metallic
