@@ -118,6 +118,20 @@ def test_guard_band_from_the_farthest_pixels():
     assert same((depth[:, -8:].copy(),), (want_depths,))
 
 
+def test_span_ends_that_are_nearly_whole():
+    """Shallow edges whose 1 / a is rounded so that e / a falls just short of a whole pixel: one time in `a` it matters."""
+    rng = np.random.default_rng(7)
+    for a in (49, 98, 103, 107, 161, 187, 197):
+        x = rng.integers(0, 5000, (a, 2))
+        y = 128 - np.arange(a)
+        for rest in (-3000, 3000):
+            corners = np.stack([np.stack([x[:, 0], y], 1), np.stack([x[:, 1] + 9000, y + a], 1), np.stack([x[:, 0] + 4000, y + rest], 1)], 1)
+            corners = np.concatenate([corners, corners * [-1, 1] + [60 * 256, 0]])
+            depths = np.repeat(rng.permutation(len(corners)).astype(np.float32) / len(corners), 3).reshape(-1, 3)
+            for part in np.array_split(np.arange(len(corners)), 8):
+                agree(corners[part], depths[part], size=(60, 1))
+
+
 @pytest.mark.parametrize("extra", [-1, 0, 1])
 def test_on_both_sides_of_the_loops_limits(extra):
     """Boxes as wide as the loops change at, and as tall as the narrow one is exact for."""
@@ -130,6 +144,9 @@ def test_on_both_sides_of_the_loops_limits(extra):
         corners[:6, :, 0] = wide - corners[:6, :, 0]
         corners[..., 1] -= rng.integers(0, max(1, high - 15 * 256), (12, 1))
         agree(corners + 60, rng.random((12, 3), np.float32), size=(41, 13), tile=32)
+    for _ in range(20):  # edges that are taller than the sign of the clamped edge function would stand
+        corners = np.stack([rng.integers(0, NARROW * 256, (6, 3)), rng.choice([GUARD_LOW, GUARD_HIGH], (6, 3))], 2)
+        agree(corners, rng.random((6, 3), np.float32), size=(33, 3))
 
 
 def test_wide_and_tall_pictures():
