@@ -16,8 +16,12 @@ GUARD_LOW = -(MAX_SIZE << SUBPIXEL_LOG2)
 GUARD_HIGH = 2 * MAX_SIZE << SUBPIXEL_LOG2
 """Fixed-point coordinates stay between these, or the triangle is clipped. So an edge function is below 2^52: exact in int64 and in float64."""
 
+SAFE_LOW, SAFE_HIGH = GUARD_LOW + 2 * SUBPIXEL, GUARD_HIGH - 2 * SUBPIXEL
+"""Vertices between these need no clipping. They lie within the planes at which triangles are cut (`Window.guard`, a pixel further out), so no
+edge between two of them is ever cut, whatever the third corners of the two triangles at it are: neighbours agree."""
+
 UNSAFE = -(1 << 31)
-"""Stands for the x of a vertex that has no place on the screen: behind the near plane, beyond the guard band, or not finite."""
+"""Stands for the x of a vertex that has no place on the screen: behind the near plane, at or beyond the guard band's end, or not finite."""
 
 # Why a vertex is unsafe, kept in place of its y: a triangle whose three vertices share a bit lies outside.
 OUT_NEAR, OUT_FAR, OUT_LEFT, OUT_RIGHT, OUT_TOP, OUT_BOTTOM, OUT_NAN = (1 << i for i in range(7))

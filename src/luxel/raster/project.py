@@ -27,6 +27,8 @@ from luxel.raster.constants import (
     OUT_NEAR,
     OUT_RIGHT,
     OUT_TOP,
+    SAFE_HIGH,
+    SAFE_LOW,
     SUBPIXEL_LOG2,
     UNSAFE,
 )
@@ -44,7 +46,6 @@ class Window(NamedTuple):
     height: int
     full_width: int
     full_height: int
-
 
     def guard(self) -> Array:
         """(4,) float64: normalised device coordinates at which triangles are clipped: left, right, bottom, top; a pixel within the guard band."""
@@ -121,10 +122,10 @@ def _project(queue, positions, m, least_depth, window, screen, screen_f, unsafe)
                 flag = 0 if fw[i] > 0.0 else 1
                 flag |= 0 if fd[i] <= 1.0 else 1
                 flag |= 0 if fd[i] >= least_depth else 1
-                flag |= 0 if fx[i] >= GUARD_LOW else 1
-                flag |= 0 if fx[i] <= GUARD_HIGH else 1
-                flag |= 0 if fy[i] >= GUARD_LOW else 1
-                flag |= 0 if fy[i] <= GUARD_HIGH else 1
+                flag |= 0 if fx[i] >= SAFE_LOW else 1
+                flag |= 0 if fx[i] <= SAFE_HIGH else 1
+                flag |= 0 if fy[i] >= SAFE_LOW else 1
+                flag |= 0 if fy[i] <= SAFE_HIGH else 1
                 wrong[i] = flag
                 any_wrong |= flag
             if any_wrong:
