@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from luxel.raster.materials import (
     CUTOFF,
     DOUBLE_SIDED,
     EMISSIVE,
+    EMIT,
     GOURAUD,
     METAL,
     MODEL_LAMBERT,
@@ -109,9 +112,13 @@ def test_the_vertices_of_gouraud_materials_are_lit_without_textures():
     assert fragments.flags[0] == GOURAUD | NEEDS_COLOR | NEEDS_UV0
 
 
-def test_metal_that_only_a_texture_knows_is_paint_at_the_vertices():
-    scene = Scene(materials=[Material(metallic=1.0, metallic_roughness_texture=TextureRef(0)), Material(metallic=1.0)], textures=[TEXTURE])
-    assert pack_materials(scene, "gouraud", vertices=True).floats[:2, METAL].tolist() == [0, 1]
+def test_metal_and_lamps_that_only_a_texture_knows_are_paint_at_the_vertices():
+    plain = Material(metallic=1.0, emissive=(1, 1, 1))
+    textured = replace(plain, metallic_roughness_texture=TextureRef(0), emissive_texture=TextureRef(0))
+    table = pack_materials(Scene(materials=[textured, plain], textures=[TEXTURE]), "gouraud", vertices=True)
+    assert table.floats[:2, METAL].tolist() == [0, 1]
+    assert table.floats[:2, EMIT].tolist() == [0, 1]
+    assert (table.ints[:2, CODE] & EMISSIVE).tolist() == [0, EMISSIVE]
 
 
 def test_unknown_shading_is_refused():

@@ -91,9 +91,11 @@ def pack_materials(scene: Scene, shading: str | None = None, vertices: bool = Fa
 
 
 def _bare(material: Material) -> Material:
-    """The material without its textures; where one tells metal from paint, all is taken for paint."""
+    """The material without its textures; what only a texture tells, metal from paint and lamps from the rest, is taken for paint."""
     none: dict[str, Any] = {f"{slot}_texture": None for slot in SLOTS}
-    return replace(material, metallic=0.0 if material.metallic_roughness_texture else material.metallic, **none)
+    metallic = 0.0 if material.metallic_roughness_texture else material.metallic
+    emissive = (0.0, 0.0, 0.0) if material.emissive_texture else material.emissive
+    return replace(material, metallic=metallic, emissive=emissive, **none)
 
 
 def _pack(material: Material, model: str, colored: bool) -> tuple[Array, Array, int]:
