@@ -113,7 +113,7 @@ def _clip(queue, candidates, positions, triangles, m, least_depth, guard, window
                     iw = 1.0 / p[i, 3]
                     screen[row, k, 0] = np.int32(math.floor(p[i, 0] * iw * half_w + half_w + 0.5) - wx)
                     screen[row, k, 1] = np.int32(math.floor(half_h - p[i, 1] * iw * half_h + 0.5) - wy)
-                    screen_f[row, k, 2] = np.float32(min(p[i, 2] * iw, 1.0))
+                    screen_f[row, k, 2] = np.float32(max(min(p[i, 2] * iw, 1.0), 0.0))
                     screen_f[row, k, 3] = np.float32(iw)
                     for corner in range(3):
                         corners[row, k, corner] = np.float32(p[i, 4 + corner])
