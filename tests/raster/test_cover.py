@@ -196,7 +196,8 @@ def test_depths_of_zero_and_one_are_drawn():
 
 
 def test_triangles_without_area_cover_nothing():
-    corners = np.array([[[0, 0], [2560, 2560], [1280, 1280]], [[128, 128]] * 3, [[128, 0], [128, 9999], [128, 640]], [[0, 128], [900, 128], [0, 128]]])
+    lines = [[0, 0], [2560, 2560], [1280, 1280]], [[128, 0], [128, 9999], [128, 640]], [[0, 128], [900, 128], [0, 128]]
+    corners = np.array([*lines, [[128, 128]] * 3])
     for pattern in PATTERNS.values():
         assert (draw(corners, np.ones((4, 3), np.float32), pattern, 21, 17)[0] == -1).all()
 

@@ -50,7 +50,7 @@ def test_places_are_rounded_to_the_nearest_256th():
 def test_far_from_the_origin_nothing_is_lost(far_away):
     """Positions are float32; the matrix is applied in float64, so what a picture shows is as exact as they are."""
     where = np.array([far_away, -far_away, 2 * far_away])
-    camera = Camera.look_at(where + [0, 0, 4], where)
+    camera = Camera.look_at(where + np.array([0, 0, 4]), where)
     points = (where + np.random.default_rng(1).uniform(-1, 1, (50, 3))).astype(np.float32)
     at = place(points, camera)[0]
     same = place((points.astype(np.float64) - where).astype(np.float32), Camera.look_at([0, 0, 4], [0, 0, 0]))[0]
