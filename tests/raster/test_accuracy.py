@@ -1,10 +1,13 @@
 """piglit's multisample accuracy: coverage against a reference of 16 x 16 samples a pixel, and against exact areas."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
+from pipeline import pixel_camera
 
 import luxel
-from luxel import Camera, Material, Mesh, Scene
+from luxel import Material, Mesh, Scene
 
 SIZE = 96, 72
 WHITE = Material(base_color=(1, 1, 1, 1), shading="unlit", double_sided=True)
@@ -15,8 +18,7 @@ def flat(points, triangles):
     """A white scene of points (n, 2) in pixels, y down, and a camera that shows them as they are."""
     points = np.asarray(points, float)
     positions = np.stack([points[:, 0], SIZE[1] - points[:, 1], 0 * points[:, 0]], 1)
-    camera = Camera(np.array([[1, 0, 0, SIZE[0] / 2], [0, 1, 0, SIZE[1] / 2], [0, 0, 1.0, 0], [0, 0, 0, 1]]), yfov=None, height=SIZE[1], near=-1, far=1)
-    return Scene.from_mesh(Mesh(positions, np.asarray(triangles)), WHITE), camera
+    return Scene.from_mesh(Mesh(positions, np.asarray(triangles)), WHITE), pixel_camera(SIZE)
 
 
 def star(seed):
@@ -59,7 +61,7 @@ def test_error_falls_with_every_doubling():
     scene, camera = star(7)
     want = reference(scene, camera)
     found = [errors(coverage(scene, camera, samples=n), want)[0] for n in LIMIT]
-    assert all(b < 0.8 * a for a, b in zip(found, found[1:], strict=False))
+    assert all(b < 0.8 * a for a, b in pairwise(found))
     assert errors(coverage(scene, camera, ssaa=8), want)[0] < found[-1]
     assert errors(coverage(scene, camera, samples=4, pattern="grid"), want)[0] < found[1]
 
