@@ -19,7 +19,7 @@ import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from functools import lru_cache
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -33,14 +33,14 @@ from numba.extending import intrinsic
 from luxel.errors import InputError
 
 __all__ = [
-    "DISABLED", "array_data", "available_threads", "borrow", "cache_folder", "cgutils", "checked_threads", "device", "inlined", "intrinsic", "ir", "kernel",
-    "on_compile", "parallel_kernel", "part", "run", "take", "types",
+    "DISABLED", "array_data", "available_threads", "borrow", "cache_folder", "cgutils", "checked_threads", "compiled", "device", "inlined",
+    "intrinsic", "ir", "kernel", "on_compile", "parallel_kernel", "part", "run", "take", "types",
 ]  # fmt: skip
 
 _IMPORT = re.compile(r"^\s*(?:from\s+(luxel[\w.]*)\s+import\s+([\w, ]+|\([^)]*\))|import\s+(luxel[\w.]*))", re.MULTILINE)
 
 
-@lru_cache(maxsize=None)
+@cache
 def _source(module: str) -> Path | None:
     try:
         spec = importlib.util.find_spec(module)
@@ -49,7 +49,7 @@ def _source(module: str) -> Path | None:
     return Path(spec.origin) if spec and spec.origin else None
 
 
-@lru_cache(maxsize=None)
+@cache
 def _imports(module: str) -> tuple[str, ...]:
     path = _source(module)
     if path is None:
@@ -61,7 +61,7 @@ def _imports(module: str) -> tuple[str, ...]:
     return tuple(sorted(name for name in found if _source(name)))
 
 
-@lru_cache(maxsize=None)
+@cache
 def _digest(module: str) -> str:
     """Hash of the text of `module` and of all luxel modules that it imports, directly or not."""
     seen: set[str] = set()
@@ -79,7 +79,7 @@ def _digest(module: str) -> str:
     return digest.hexdigest()[:16]
 
 
-@lru_cache(maxsize=None)
+@cache
 def cache_folder() -> str:
     """Where compiled kernels are kept: NUMBA_CACHE_DIR, else XDG_CACHE_HOME/luxel or ~/.cache/luxel; "" if none can be written."""
     chosen = os.environ.get("NUMBA_CACHE_DIR")
@@ -109,6 +109,9 @@ def _compiled(function: Callable[..., Any], **options: Any) -> Any:
         numba.config.CACHE_DIR = before
 
 
+_PART: dict[str, Any] = {"nogil": True, "error_model": "numpy", "_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+
 def device(function: Callable[..., Any]) -> Any:
     """A function called by kernels, on the CPU and (compiled anew) on the GPU.
 
@@ -122,12 +125,14 @@ def part(function: Callable[..., Any]) -> Any:
     """A device function that kernels call and Python does not: it needs no wrapper and no cache of its own, so it compiles sooner."""
     if numba.config.DISABLE_JIT:
         return function
-    return numba.njit(nogil=True, error_model="numpy", _nrt=False, no_cpython_wrapper=True, no_cfunc_wrapper=True)(function)
+    return numba.njit(**_PART)(function)
 
 
 def inlined(function: Callable[..., Any]) -> Any:
     """A device function pasted into its callers, for code that the compiler must see whole to vectorise. Not to be called from Python."""
-    return _compiled(function, _nrt=False, forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+    if numba.config.DISABLE_JIT:
+        return function
+    return numba.njit(**_PART, forceinline=True)(function)
 
 
 def kernel(function: Callable[..., Any]) -> Any:
@@ -187,7 +192,7 @@ else:
             array.parent = cgutils.get_null_value(array.parent.type)
             return array._getvalue()
         if isinstance(kind, types.BaseTuple):
-            fields = [_without_owner(context, builder, k, builder.extract_value(value, i)) for i, k in enumerate(kind)]
+            fields = [_without_owner(context, builder, k, builder.extract_value(value, i)) for i, k in enumerate(list(kind))]
             return context.make_tuple(builder, kind, fields)
         return value
 
@@ -291,6 +296,15 @@ def run(kernel: Callable[..., Any], threads: int, *arguments: Any) -> None:
         for helper in helpers:
             if not helper.cancel():  # one that has not started has nothing left to do
                 helper.result()
+
+
+def compiled(kernel: Any) -> bool:
+    """Whether a kernel need not be compiled: it has been, or it is kept in the cache (for these or other argument types)."""
+    if DISABLED or kernel.signatures:
+        return True
+    cache = getattr(kernel, "_cache", None)
+    folder = getattr(cache, "cache_path", "")
+    return bool(folder) and any(Path(folder).glob(f"*.{kernel.py_func.__name__}-*.nbi"))
 
 
 class _Listener(event.Listener):

@@ -180,7 +180,8 @@ def cover(bins: Bins, triangles: Array, screen: Array, clipped: Clipped, pattern
     """Find the nearest triangle at each sample of tiles first_tile .. last_tile - 1.
 
     Args:
-        ids: (tiles, s * tile * tile + LANES) int32, sample by sample, written; drawn ids, `NOTHING` where none. Tiles with an empty bin are left as they are.
+        ids: (tiles, s * tile * tile + LANES) int32, sample by sample, written; drawn ids, `NOTHING` where none. Tiles with an empty bin are
+            left as they are.
         clear_all: Also clear tiles with an empty bin.
         depths: The same shape, float32, written (-1 where nothing); or (0, ...) if the depths are not wanted.
     """

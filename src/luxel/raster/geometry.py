@@ -8,7 +8,8 @@ import numpy as np
 
 from luxel.arrays import Array
 from luxel.raster.bin import BLEND, MASK, OPAQUE, Parts
-from luxel.scene.scene import Scene
+from luxel.scene.mesh import Mesh
+from luxel.scene.scene import Instance, Scene
 
 
 class Geometry(NamedTuple):
@@ -59,16 +60,19 @@ def flatten(scene: Scene, cull: str = "material") -> Geometry:
     modes = [OPAQUE if m >= len(known) else _MODES[known[m].alpha_mode] for m in material]
     single = [m >= len(known) or not known[m].double_sided for m in material]
     culls = {"material": single, "back": [True] * len(meshes), "none": [False] * len(meshes)}[cull]
-    mirrored = [np.linalg.det(i.world_from_mesh[:3, :3]) < 0 for i in instances]  # type: ignore[index]
+    mirrored = [bool(np.linalg.det(_matrix(i)[:3, :3]) < 0) for i in instances]
     arrays = _gather(instances, meshes, mirrored)
     parts = Parts(starts, np.array(modes, np.int32), np.array(culls, np.int32))
-    return Geometry(*arrays, starts, material, np.array([i.object for i in instances], np.int32), parts)
+    positions, triangles, *rest = arrays
+    normals, texcoords, texcoords1, colors, tangents = rest
+    objects = np.array([i.object for i in instances], np.int32)
+    return Geometry(positions, triangles, normals, texcoords, texcoords1, colors, tangents, starts, material, objects, parts)
 
 
-def _gather(instances: list, meshes: list, mirrored: list) -> list[Array]:
+def _gather(instances: list[Instance], meshes: list[Mesh], mirrored: list[bool]) -> list[Array]:
     present = {name: any(getattr(mesh, name) is not None for mesh in meshes) for name in _WIDTHS}
     present["normals"] = True
-    if len(meshes) == 1 and np.array_equal(instances[0].world_from_mesh, np.eye(4)):
+    if len(meshes) == 1 and np.array_equal(_matrix(instances[0]), np.eye(4)):
         mesh = meshes[0]
         rows = [_attribute(mesh, name) if present[name] else np.zeros((0, width), np.float32) for name, width in _WIDTHS.items()]
         return [mesh.positions, mesh.triangles, *rows]
@@ -77,7 +81,7 @@ def _gather(instances: list, meshes: list, mirrored: list) -> list[Array]:
     attributes = {name: np.empty((count if present[name] else 0, width), np.float32) for name, width in _WIDTHS.items()}
     vertex = triangle = 0
     for instance, mesh, mirror in zip(instances, meshes, mirrored, strict=True):
-        matrix = instance.world_from_mesh
+        matrix = _matrix(instance)
         here, faces = slice(vertex, vertex + len(mesh.positions)), slice(triangle, triangle + len(mesh.triangles))
         positions[here] = mesh.positions @ matrix[:3, :3].T + matrix[:3, 3]
         triangles[faces] = (mesh.triangles[:, ::-1] if mirror else mesh.triangles) + vertex  # keeps the front in front
@@ -93,7 +97,12 @@ def _gather(instances: list, meshes: list, mirrored: list) -> list[Array]:
     return [positions, triangles, *attributes.values()]
 
 
-def _attribute(mesh, name: str) -> Array:
+def _matrix(instance: Instance) -> Array:
+    assert instance.world_from_mesh is not None
+    return instance.world_from_mesh
+
+
+def _attribute(mesh: Mesh, name: str) -> Array:
     value = getattr(mesh, name)
     if value is not None:
         return value

@@ -98,7 +98,7 @@ def pack_lights(scene: Scene, camera: Camera) -> LightTable:
     """The lights of `scene`; where it has none at all, a head light at `camera` and a faint ambient."""
     lights, ambient = scene.lights, scene.ambient
     if not lights and ambient is None and not any(material.lightmap_texture for material in scene.materials):
-        lights, ambient = [_head_light(camera)], Ambient((0.45, 0.45, 0.45), (0.2, 0.2, 0.2))
+        lights, ambient = [_head_light(camera)], Ambient((0.35, 0.35, 0.35), (0.15, 0.15, 0.15))
     rows = np.array([_pack(light) for light in lights], np.float32).reshape(-1, LIGHT_COLUMNS)
     radiance = ambient or Ambient()
     return LightTable(rows, np.array([radiance.sky, radiance.ground], np.float32), int(rows[:, PUNCTUAL].any()))
@@ -110,7 +110,7 @@ def _head_light(camera: Camera) -> Light:
 
     assert camera.world_from_camera is not None
     turn = look_at((-0.35, 0.5, 1.0), (0.0, 0.0, 0.0))
-    return Light("directional", intensity=0.75 * math.pi, world_from_light=camera.world_from_camera @ turn)
+    return Light("directional", intensity=0.65 * math.pi, world_from_light=camera.world_from_camera @ turn)
 
 
 def _pack(light: Light) -> list[float]:
@@ -128,22 +128,23 @@ def _pack(light: Light) -> list[float]:
 
 
 @part
-def light(g: Array, n: int, table: LightTable) -> None:
+def light(g: Array, n: int, table: LightTable, rich: bool | None = True) -> None:
     """Light the first `n` fragments of a batch that `surface` has evaluated.
 
     Args:
         g: The batch; OR OG OB are written, in place of the base colour: outgoing radiance W/(m2 sr), not premultiplied. OA stays.
         n: Fragments.
         table: From `pack_lights`.
+        rich: None if no fragment is of the metallic-roughness model, which is then not even compiled.
     """
     start = 0
     while start < n:
         length = model_length(g[MODEL + start : MODEL + n])
         code = np.int32(g[MODEL + start])
         if code & MODEL_MASK != MODEL_UNLIT:
-            begin(g[start:], length, table.ambient, code)
+            begin(g[start:], length, table.ambient, code, rich)
             for k in range(len(table.lights)):
-                add(g[start:], length, table.lights[k], code)
+                add(g[start:], length, table.lights[k], code, rich)
             finish(g[start:], length, code)
         start += length
 
@@ -163,7 +164,7 @@ def model_length(keys: Array) -> int:
 
 
 @part
-def add(g: Array, n: int, row: Array, code: np.int32) -> None:
+def add(g: Array, n: int, row: Array, code: np.int32, rich: bool | None) -> None:
     """Add one light."""
     model = code & MODEL_MASK
     keep = _ZERO if code & LIGHTMAPPED else _ONE
@@ -171,16 +172,16 @@ def add(g: Array, n: int, row: Array, code: np.int32) -> None:
         directional(g, n, row)
     else:
         punctual(g, n, row)
-    if model == MODEL_PBR:
-        microfacets(g, n, row, keep)
-    else:
+    if model != MODEL_PBR:
         diffuse(g, n, row, keep)
+    elif rich is not None:
+        microfacets(g, n, row, keep)
     if model == MODEL_PHONG:
         highlight(g, n, row)
 
 
 @part
-def begin(g: Array, n: int, radiance: Array, code: np.int32) -> None:
+def begin(g: Array, n: int, radiance: Array, code: np.int32, rich: bool | None) -> None:
     """Begin the sums of diffuse irradiance and specular radiance: with ambient light and lightmap."""
     red, green, blue = radiance[1, 0] * _PI, radiance[1, 1] * _PI, radiance[1, 2] * _PI
     more_red, more_green, more_blue = radiance[0, 0] * _PI - red, radiance[0, 1] * _PI - green, radiance[0, 2] * _PI - blue
@@ -194,13 +195,14 @@ def begin(g: Array, n: int, radiance: Array, code: np.int32) -> None:
             g[SR + i] = _ZERO
             g[SG + i] = _ZERO
             g[SB + i] = _ZERO
-    if code & MODEL_MASK == MODEL_PBR:
-        reflect_ambient(g, n, radiance)
-        if code & OCCLUDED:
-            for i in range(n):
-                g[SR + i] *= g[OCCLUSION + i]
-                g[SG + i] *= g[OCCLUSION + i]
-                g[SB + i] *= g[OCCLUSION + i]
+    if rich is not None:  # noqa: SIM102 - on its own, it decides what is compiled
+        if code & MODEL_MASK == MODEL_PBR:
+            reflect_ambient(g, n, radiance)
+            if code & OCCLUDED:
+                for i in range(n):
+                    g[SR + i] *= g[OCCLUSION + i]
+                    g[SG + i] *= g[OCCLUSION + i]
+                    g[SB + i] *= g[OCCLUSION + i]
     if code & LIGHTMAPPED:
         for i in range(n):
             g[ER + i] = g[LMR + i]

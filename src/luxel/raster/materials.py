@@ -60,6 +60,12 @@ class MaterialTable(NamedTuple):
     radiance: Array
     features: int
 
+    @property
+    def rich(self) -> bool:
+        """Whether any material has a texture or is of the metallic-roughness model."""
+        textured = self.ints[:, TEXTURE : TEXTURE + len(SLOTS)] >= 0
+        return bool(textured.any() or (self.ints[:, CODE] & MODEL_MASK == MODEL_PBR).any())
+
 
 def pack_materials(scene: Scene, shading: str | None = None, vertices: bool = False) -> MaterialTable:
     """Make the table of a scene's materials.

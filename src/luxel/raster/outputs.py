@@ -122,8 +122,8 @@ def _outputs(queue, first_tile, last_tile, across, tile, width, height, occupied
         number = first_tile + jit.take(queue)
 
 
-def write_outputs(bins: Bins, occupied: Array, first_tile: int, last_tile: int, width: int, height: int, ids: Array, depths: Array, geometry: Geometry,
-                  screen: Array, clipped: Clipped, pattern: Array, full: tuple[int, int], near: float, far: float, parallel: bool,
+def write_outputs(bins: Bins, occupied: Array, first_tile: int, last_tile: int, width: int, height: int, ids: Array, depths: Array,
+                  geometry: Geometry, screen: Array, clipped: Clipped, pattern: Array, full: tuple[int, int], near: float, far: float, parallel: bool,
                   previous: Array | None, left: int, top: int, outputs: Outputs, threads: int) -> None:  # fmt: skip
     """Fill `outputs` from the first sample of the pixels of tiles first_tile .. last_tile - 1.
 

@@ -6,6 +6,7 @@ under a fixed size, so memory does not grow with the number of samples, nor, whe
 
 from __future__ import annotations
 
+import subprocess
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
@@ -16,6 +17,7 @@ import numpy as np
 from luxel import jit
 from luxel.arrays import Array, checked
 from luxel.errors import InputError
+from luxel.raster import warm
 from luxel.raster.bin import BLEND, MASK, NO_CLIPPED, OPAQUE, Bins, bin_triangles
 from luxel.raster.clip import clip
 from luxel.raster.constants import MAX_SIZE, SUBPIXEL, sample_pattern
@@ -263,13 +265,18 @@ def _draw(prepared: Prepared, camera: Camera | None, size: tuple[int, int], opti
     )
     outputs = Outputs.wanted(names - {"motion"} if previous is None else names, width, last - first)
     clock.lap("prepare")
-    windows = [
-        Window(x, y, min(_WINDOW, width - x), min(_WINDOW, last - y), width, height)
-        for y in range(first, last, _WINDOW) for x in range(0, width, _WINDOW)
-    ]  # fmt: skip
-    for number, window in enumerate(windows):
-        told = None if progress is None else lambda part, number=number: progress((number + part) / len(windows))
-        _draw_window(prepared, seen, window, (window.x, window.y - first), options, target, outputs, clock, told)
+    if target.color.size or target.linear.size:
+        _warm_up(prepared, seen, options, target)
+        clock.lap("compile")
+    corners = [(x, y) for y in range(first, last, _WINDOW) for x in range(0, width, _WINDOW)]
+    margin = 0 if options.filter == "box" else options.tile  # what filters reach beyond the window
+    for number, (x, y) in enumerate(corners):
+        told = None if progress is None else lambda part, number=number: progress((number + part) / len(corners))
+        left, top = max(0, x - margin), max(first, y - margin)
+        right, bottom = min(width, x + _WINDOW + margin), min(last, y + _WINDOW + margin)
+        keep = x - left, y - top, min(width, x + _WINDOW) - left, min(last, y + _WINDOW) - top
+        window = Window(left, top, right - left, bottom - top, width, height)
+        _draw_window(prepared, seen, window, keep, (left, top - first), options, target, outputs, clock, told)
     fields = {name: array for name, array in outputs._asdict().items() if array.size}
     if "motion" in names and previous is None:
         fields["motion"] = np.zeros((last - first, width, 2), np.float32)
@@ -278,6 +285,24 @@ def _draw(prepared: Prepared, camera: Camera | None, size: tuple[int, int], opti
     if "linear" in names:
         fields["linear"] = target.linear
     return Picture(**fields, seconds=clock.seconds)
+
+
+def _warm_up(prepared: Prepared, seen: _View, options: Options, target: Target) -> None:
+    """Where nothing is compiled yet, compile visibility in a child process and, by shading no tiles, shading in this one."""
+    child = warm.start()
+    if child is None:
+        return
+    try:
+        nothing = Bins(np.zeros(1, np.int32), np.zeros(0, np.int32), 0, 0, options.tile)
+        shade(nothing, np.zeros(0, np.uint8), 0, 0, 1, 1, np.empty((0, 1), np.int32), options.positions, options.ssaa > 1, seen.geometry,
+              np.empty((0, 4), np.int32), NO_CLIPPED, prepared.materials, seen.lights, seen.eye, seen.features, 1.0, options.fill, 0, 0,
+              target, 1)  # fmt: skip
+        child.wait(60)
+    except subprocess.TimeoutExpired:
+        pass
+    finally:
+        child.kill()
+        child.wait()
 
 
 class _Clock:
@@ -293,8 +318,8 @@ class _Clock:
         self.last = now
 
 
-def _draw_window(prepared: Prepared, seen: _View, window: Window, place: tuple[int, int], options: Options, target: Target, outputs: Outputs,
-                 clock: _Clock, progress: Callable[[float], None] | None) -> None:  # fmt: skip
+def _draw_window(prepared: Prepared, seen: _View, window: Window, keep: tuple[int, int, int, int], place: tuple[int, int], options: Options,
+                 target: Target, outputs: Outputs, clock: _Clock, progress: Callable[[float], None] | None) -> None:  # fmt: skip
     geometry, threads, pattern, tile = seen.geometry, options.threads or 1, options.positions, options.tile
     screen, unsafe = project(geometry.positions, seen.view, window, threads)
     clock.lap("project")
@@ -305,7 +330,7 @@ def _draw_window(prepared: Prepared, seen: _View, window: Window, place: tuple[i
         mode: bin_triangles(geometry.triangles, screen, clipped, geometry.parts, mode, pattern, window, tile, threads) for mode in modes
     }  # fmt: skip
     clock.lap("bin")
-    band = _Band(prepared, seen, window, place, options, target, outputs, clock, screen, clipped, bins)
+    band = _Band(prepared, seen, window, keep, place, options, target, outputs, clock, screen, clipped, bins)
     across, down = bins[OPAQUE].across, bins[OPAQUE].down
     rows = max(1, band.tiles_at_once // across)
     for first in range(0, down, rows):
@@ -317,9 +342,10 @@ def _draw_window(prepared: Prepared, seen: _View, window: Window, place: tuple[i
 class _Band:
     """Draws bands of a window's tile rows, one after the other in the same buffers."""
 
-    def __init__(self, prepared: Prepared, seen: _View, window: Window, place: tuple[int, int], options: Options, target: Target,
-                 outputs: Outputs, clock: _Clock, screen: Array, clipped: Any, bins: dict[int, Bins]) -> None:  # fmt: skip
-        self.materials, self.seen, self.window, self.place, self.options = prepared.materials, seen, window, place, options
+    def __init__(self, prepared: Prepared, seen: _View, window: Window, keep: tuple[int, int, int, int], place: tuple[int, int],
+                 options: Options, target: Target, outputs: Outputs, clock: _Clock, screen: Array, clipped: Any,
+                 bins: dict[int, Bins]) -> None:  # fmt: skip
+        self.materials, self.seen, self.window, self.keep, self.place, self.options = prepared.materials, seen, window, keep, place, options
         self.target, self.outputs, self.clock = target, outputs, clock
         self.screen, self.clipped, self.bins = screen, clipped, bins
         self.colored = len(target.color) > 0 or len(target.linear) > 0
@@ -388,8 +414,9 @@ class _Band:
     def _resolve(self, first_row: int, last_row: int, top: int, bottom: int, samples: Array) -> None:
         o, w, tile = self.options, self.window, self.options.tile
         taps, weights = filter_taps(o.filter, o.positions)
-        resolve(first_row * tile, min(last_row * tile, w.height), w.width, w.height, top * tile, (bottom - top) * tile,
-                self.bins[OPAQUE].across, tile, len(o.positions), samples, taps, weights, *self.place, 2.0**o.exposure, o.fill,
+        left, first, right, last = self.keep
+        resolve(max(first_row * tile, first), min(last_row * tile, last), left, right, w.width, w.height, top * tile,
+                (bottom - top) * tile, self.bins[OPAQUE].across, tile, len(o.positions), samples, taps, weights, *self.place, 2.0**o.exposure, o.fill,
                 self.target.color, self.target.linear, o.threads or 1)  # fmt: skip
 
     def _outputs(self, first: int, last: int, ids: Array, depths: Array) -> None:

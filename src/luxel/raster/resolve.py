@@ -73,15 +73,15 @@ def filter_taps(name: str, pattern: Array) -> tuple[Array, Array]:
 
 
 @jit.parallel_kernel
-def _resolve(queue, first_row, last_row, width, height, band_top, band_rows, across, tile, samples, colors, taps, weights, left, top,
-             exposure, background, color, linear):  # fmt: skip
+def _resolve(queue, first_row, last_row, first_column, last_column, width, height, band_top, band_rows, across, tile, samples, colors, taps,
+             weights, left, top, exposure, background, color, linear):  # fmt: skip
     pixels, step = tile * tile, 256
     own = np.zeros(4 * step, np.float32)
     sums, color, linear = jit.borrow(own), jit.borrow(color), jit.borrow(linear)
     y = first_row + jit.take(queue)
     while y < last_row:
-        for start in range(0, width, step):
-            count = min(step, width - start)
+        for start in range(first_column, last_column, step):
+            count = min(step, last_column - start)
             for i in range(count):
                 x, total = start + i, _F(0.0)
                 red = green = blue = alpha = _F(0.0)
@@ -105,10 +105,10 @@ def _resolve(queue, first_row, last_row, width, height, band_top, band_rows, acr
     own[0] = 0  # the scratch must live until here: borrowing does not keep it
 
 
-def resolve(first_row: int, last_row: int, width: int, height: int, band_top: int, band_rows: int, across: int, tile: int, samples: int,
-            colors: Array, taps: Array, weights: Array, left: int, top: int, exposure: float, background: Array, color: Array,
-            linear: Array, threads: int) -> None:  # fmt: skip
-    """Filter the pixel rows first_row .. last_row - 1 of a window.
+def resolve(first_row: int, last_row: int, first_column: int, last_column: int, width: int, height: int, band_top: int, band_rows: int,
+            across: int, tile: int, samples: int, colors: Array, taps: Array, weights: Array, left: int, top: int, exposure: float,
+            background: Array, color: Array, linear: Array, threads: int) -> None:  # fmt: skip
+    """Filter the pixels of a window in rows first_row .. last_row - 1 and columns first_column .. last_column - 1.
 
     Args:
         width, height: Of the window; what lies outside has no weight.
@@ -118,6 +118,6 @@ def resolve(first_row: int, last_row: int, width: int, height: int, band_top: in
         left, top: Where the window lies in `color` and `linear`.
     """
     jit.run(
-        _resolve, min(threads, last_row - first_row), first_row, last_row, width, height, band_top, band_rows, across, tile, samples, colors,
-        taps, weights, left, top, _F(exposure), background, color, linear,
+        _resolve, min(threads, last_row - first_row), first_row, last_row, first_column, last_column, width, height, band_top, band_rows,
+        across, tile, samples, colors, taps, weights, left, top, _F(exposure), background, color, linear,
     )  # fmt: skip

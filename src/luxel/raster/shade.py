@@ -108,8 +108,12 @@ class Fragments(NamedTuple):
 # Rows of the batch that only this file uses: place in the tile in pixels; s_i = e_i w_i; 1 / sum of s_i.
 QX, QY, S0, S1, S2, INVERSE = (BATCH + PITCH * row for row in range(6))
 _SIZE = BATCH + 6 * PITCH
+# The same as unsigned numbers, for fast indexing, and so that the compiler makes one version of a function for all rows.
 _QX, _QY, _S0, _S1, _S2, _INVERSE, _FRONT = (np.uint64(row) for row in (QX, QY, S0, S1, S2, INVERSE, FRONT))
+_NX, _PX, _CR, _CB, _U0, _U0X, _U0Y, _U1, _U1X, _U1Y = (np.uint64(row) for row in (NX, PX, CR, CB, U0, U0X, U0Y, U1, U1X, U1Y))
+_TX, _TZ, _DXX, _DYX = (np.uint64(row) for row in (TX, TZ, DXX, DYX))
 _PITCH = np.uint64(PITCH)
+_FIRST, _THIRD, _TWO, _THREE = (np.int64(number) for number in (0, 2, 2, 3))
 _SHORT = 3  # fragments more; a run so long is worth a loop
 _AHEAD = 8  # fragments; so early are their vertices asked for
 
@@ -183,7 +187,7 @@ def spread2(g, i, j, row, values, column, v):
     """Two columns of an attribute of vertices `v` at fragments i .. j, divided by the sum of s_i."""
     p0, p1, p2 = values[v[0], column], values[v[1], column], values[v[2], column]
     q0, q1, q2 = values[v[0], column + 1], values[v[1], column + 1], values[v[2], column + 1]
-    p, q = np.uint64(row), np.uint64(row + PITCH)
+    p, q = row, row + _PITCH
     for k in range(i, j):
         s0, s1, s2, inverse = g[_S0 + k], g[_S1 + k], g[_S2 + k], g[_INVERSE + k]
         g[p + k] = (s0 * p0 + s1 * p1 + s2 * p2) * inverse
@@ -196,7 +200,7 @@ def spread3(g, i, j, row, values, v):
     p0, p1, p2 = values[v[0], 0], values[v[1], 0], values[v[2], 0]
     q0, q1, q2 = values[v[0], 1], values[v[1], 1], values[v[2], 1]
     r0, r1, r2 = values[v[0], 2], values[v[1], 2], values[v[2], 2]
-    p, q, r = np.uint64(row), np.uint64(row + PITCH), np.uint64(row + 2 * PITCH)
+    p, q, r = row, row + _PITCH, row + _PITCH + _PITCH
     for k in range(i, j):
         s0, s1, s2 = g[_S0 + k], g[_S1 + k], g[_S2 + k]
         g[p + k] = s0 * p0 + s1 * p1 + s2 * p2
@@ -207,7 +211,7 @@ def spread3(g, i, j, row, values, v):
 @jit.inlined
 def divide3(g, i, j, row):
     """Divide an attribute with three columns by the sum of s_i."""
-    p, q, r = np.uint64(row), np.uint64(row + PITCH), np.uint64(row + 2 * PITCH)
+    p, q, r = row, row + _PITCH, row + _PITCH + _PITCH
     for k in range(i, j):
         inverse = g[_INVERSE + k]
         g[p + k] *= inverse
@@ -222,11 +226,11 @@ def derive(g, i, j, row, x_row, y_row, values, columns, v, p, footprint):
     for column in range(columns):
         p0, p1, p2 = values[v[0], column], values[v[1], column], values[v[2], column]
         a, b = p[0] * p0 + p[1] * p1 + p[2] * p2, p[3] * p0 + p[4] * p1 + p[5] * p2
-        base, x_base, y_base = np.uint64(row + column * PITCH), np.uint64(x_row + column * PITCH), np.uint64(y_row + column * PITCH)
+        shift = np.uint64(column) * _PITCH
         for k in range(i, j):
-            scale, here = g[_INVERSE + k] * footprint, g[base + k]
-            g[x_base + k] = (a - here * sum_a) * scale
-            g[y_base + k] = (b - here * sum_b) * scale
+            scale, here = g[_INVERSE + k] * footprint, g[row + shift + k]
+            g[x_row + shift + k] = (a - here * sum_a) * scale
+            g[y_row + shift + k] = (b - here * sum_b) * scale
 
 
 @jit.inlined
@@ -288,7 +292,7 @@ def face_normal(g, i, j, positions, v):
 
 
 @jit.part
-def attributes(g, f, n, px, py, tile, geometry, screen, screen_f, clipped, clipped_f, features, footprint, eye):
+def attributes(g, f, n, px, py, tile, geometry, screen, screen_f, clipped, clipped_f, features, footprint, eye, rich):
     """Fill the rows of a batch that `features` asks for, a run of fragments of one triangle at a time."""
     triangles, starts, triangle, material = geometry.triangles, geometry.part_start, f.triangle, f.material
     positions, normals, colors, tangents = geometry.positions, geometry.normals, geometry.colors, geometry.tangents
@@ -350,26 +354,27 @@ def attributes(g, f, n, px, py, tile, geometry, screen, screen_f, clipped, clipp
             for k in range(first, last):
                 g[_INVERSE + k] = _F(1.0) / (g[_S0 + k] + g[_S1 + k] + g[_S2 + k])
         if features & NEEDS_NORMAL:  # of any length: no division
-            spread3(g, first, last, NX, normals, v)
+            spread3(g, first, last, _NX, normals, v)
         if features & (NEEDS_POSITION | NEEDS_VIEW | NEEDS_TANGENT):
-            spread3(g, first, last, PX, positions, v)
-            divide3(g, first, last, PX)
+            spread3(g, first, last, _PX, positions, v)
+            divide3(g, first, last, _PX)
         if features & NEEDS_FACE:
             face_normal(g, first, last, positions, v)
         if features & NEEDS_COLOR:
-            spread2(g, first, last, CR, colors, 0, v)
-            spread2(g, first, last, CB, colors, 2, v)
-        if features & NEEDS_UV0:
-            spread2(g, first, last, U0, texcoords, 0, v)
-            derive(g, first, last, U0, U0X, U0Y, texcoords, 2, v, p, footprint)
-        if features & NEEDS_UV1:
-            spread2(g, first, last, U1, texcoords1, 0, v)
-            derive(g, first, last, U1, U1X, U1Y, texcoords1, 2, v, p, footprint)
-        if features & NEEDS_TANGENT:
-            if len(tangents) > 0:
-                spread2(g, first, last, TX, tangents, 0, v)
-                spread2(g, first, last, TZ, tangents, 2, v)
-            derive(g, first, last, PX, DXX, DYX, positions, 3, v, p, footprint)
+            spread2(g, first, last, _CR, colors, _FIRST, v)
+            spread2(g, first, last, _CB, colors, _THIRD, v)
+        if rich is not None:
+            if features & NEEDS_UV0:
+                spread2(g, first, last, _U0, texcoords, _FIRST, v)
+                derive(g, first, last, _U0, _U0X, _U0Y, texcoords, _TWO, v, p, footprint)
+            if features & NEEDS_UV1:
+                spread2(g, first, last, _U1, texcoords1, _FIRST, v)
+                derive(g, first, last, _U1, _U1X, _U1Y, texcoords1, _TWO, v, p, footprint)
+            if features & NEEDS_TANGENT:
+                if len(tangents) > 0:
+                    spread2(g, first, last, _TX, tangents, _FIRST, v)
+                    spread2(g, first, last, _TZ, tangents, _THIRD, v)
+                derive(g, first, last, _PX, _DXX, _DYX, positions, _THREE, v, p, footprint)
         i = j
     if features & NEEDS_VIEW:
         view_vectors(g, n, eye)
@@ -476,7 +481,7 @@ def write_tile(sums, empty, tile, px, py, wide, high, exposure, background, colo
 
 @jit.parallel_kernel
 def _shade(queue, first_tile, last_tile, across, tile, width, height, occupied, all_ids, pattern, every_sample, geometry, screen, screen_f,
-           clipped, clipped_f, materials, lights, eye, features, footprint, exposure, background, left, top, target):  # fmt: skip
+           clipped, clipped_f, materials, lights, eye, features, rich, footprint, exposure, background, left, top, target):  # fmt: skip
     geometry, clipped, materials, lights = jit.borrow(geometry), jit.borrow(clipped), jit.borrow(materials), jit.borrow(lights)
     screen, screen_f, clipped_f, pattern = jit.borrow(screen), jit.borrow(screen_f), jit.borrow(clipped_f), jit.borrow(pattern)
     ids, eye, background, target = jit.borrow(all_ids), jit.borrow(eye), jit.borrow(background), jit.borrow(target)
@@ -500,9 +505,9 @@ def _shade(queue, first_tile, last_tile, across, tile, width, height, occupied, 
                 n, cursor = gather_pixels(g, f, cursor, ids[slot], tile, wide, high)
             else:
                 n, cursor = gather_samples(g, f, cursor, ids[slot], pattern, every_sample, tile, wide, high)
-            attributes(g, f, n, px, py, tile, geometry, screen, screen_f, clipped, clipped_f, features, footprint, eye)
-            surface(g, f.material, n, materials)
-            light(g, n, lights)
+            attributes(g, f, n, px, py, tile, geometry, screen, screen_f, clipped, clipped_f, features, footprint, eye, rich)
+            surface(g, f.material, n, materials, rich)
+            light(g, n, lights, rich)
             if to_samples:
                 lay_over_samples(g, f, n, samples, pixels, target.samples[slot])
             elif samples == 1:
@@ -535,7 +540,7 @@ def shade(bins: Bins, occupied: Array, first_tile: int, last_tile: int, width: i
     jit.run(
         _shade, min(threads, last_tile - first_tile), first_tile, last_tile, bins.across, bins.tile, width, height, occupied, ids, pattern,
         every_sample, geometry, screen, screen.view(np.float32), clipped, clipped.screen.view(np.float32), materials, lights, eye, features,
-        footprint, _F(exposure), background, left, top, target,
+        True if materials.rich else None, footprint, _F(exposure), background, left, top, target,
     )  # fmt: skip
 
 
@@ -557,8 +562,8 @@ def _light_vertices(queue, normals, positions, colors, vertex_material, material
             for k in range(4):
                 g[CR + k * PITCH + i] = colors[first + i, k] if len(colors) > 0 else _F(1.0)
         view_vectors(g, n, eye)
-        surface(g, vertex_material[first:], n, materials)
-        light(g, n, lights)
+        surface(g, vertex_material[first:], n, materials, None)
+        light(g, n, lights, None)
         for i in range(n):
             lit[first + i, 0], lit[first + i, 1], lit[first + i, 2] = g[OR + i], g[OG + i], g[OB + i]
             lit[first + i, 3] = g[OA + i]

@@ -98,7 +98,7 @@ _DIELECTRIC, _SMOOTHEST = np.float32(0.04), np.float32(LEAST_ROUGHNESS)
 
 
 @part
-def surface(g: Array, material: Array, n: int, table: MaterialTable) -> None:
+def surface(g: Array, material: Array, n: int, table: MaterialTable, rich: bool | None = True) -> None:
     """Evaluate the materials of the first `n` fragments of a batch.
 
     Args:
@@ -106,12 +106,13 @@ def surface(g: Array, material: Array, n: int, table: MaterialTable) -> None:
         material: (>= n,) int32, row of each fragment's material in the table, or -1 for the default material.
         n: Fragments.
         table: From `pack_materials`.
+        rich: None for a table that is not `MaterialTable.rich`: what textures and metals need is then not even compiled.
     """
     start = 0
     while start < n:
         end = start + run_length(material[start:n])
         row = material[start] if material[start] >= 0 else len(table.flags) - 1
-        evaluate(g[start:], end - start, row, table)
+        evaluate(g[start:], end - start, row, table, rich)
         start = end
 
 
@@ -130,7 +131,7 @@ def run_length(keys: Array) -> int:
 
 
 @part
-def evaluate(g: Array, n: int, row: int, table: MaterialTable) -> None:
+def evaluate(g: Array, n: int, row: int, table: MaterialTable, rich: bool | None) -> None:
     """Evaluate one material for the first `n` fragments."""
     flags, code = table.flags[row], table.ints[row, CODE]
     base(g, n, table.floats[row], flags & NEEDS_COLOR != 0, np.float32(code))
@@ -143,6 +144,15 @@ def evaluate(g: Array, n: int, row: int, table: MaterialTable) -> None:
         normalise(g, n)
     if code != MODEL_LAMBERT:
         constants(g, n, table.floats[row])
+    if rich is not None:
+        textures(g, n, row, table)
+    if code & MODEL_MASK == MODEL_PBR or (code & MODEL_MASK == MODEL_PHONG and table.ints[row, DERIVED]):
+        metal(g, n, code & MODEL_MASK == MODEL_PHONG)
+
+
+@part
+def textures(g: Array, n: int, row: int, table: MaterialTable) -> None:
+    """Use the textures of one material."""
     for slot in range(len(SLOTS)):
         which = table.ints[row, TEXTURE + slot]
         if which >= 0:
@@ -154,8 +164,6 @@ def evaluate(g: Array, n: int, row: int, table: MaterialTable) -> None:
                 bend(g, n, g[uv:], transform, table.floats[row, NORMAL_SCALE])
             else:
                 apply(g, n, slot, table.floats[row])
-    if code & MODEL_MASK == MODEL_PBR or (code & MODEL_MASK == MODEL_PHONG and table.ints[row, DERIVED]):
-        metal(g, n, code & MODEL_MASK == MODEL_PHONG)
 
 
 @part
