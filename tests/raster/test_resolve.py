@@ -1,0 +1,140 @@
+"""Resolve filters against their formulas."""
+
+import numpy as np
+import pytest
+from covering import PATTERNS
+from scenes import UNLIT, flat_camera, flat_mesh, rectangle
+
+import luxel
+from luxel import InputError, Material, Scene
+from luxel.raster import render
+from luxel.raster.resolve import FILTERS, filter_taps
+
+SIZE = 33, 29
+WIDE = [name for name in FILTERS if name != "box"]
+
+
+def weight(name, x):
+    """The five filters along one axis, from their definitions."""
+    x = np.abs(np.asarray(x, float))
+    if name == "box":
+        return np.where(x <= 0.5, 1.0, 0.0)
+    if name == "tent":
+        return np.maximum(1 - x, 0)
+    if name == "gaussian":  # exp(-2 x^2), let down so that it ends at 1.5
+        return np.maximum(np.exp(-2 * x**2) - np.exp(-2 * 1.5**2), 0)
+    if name == "mitchell":  # B = C = 1/3
+        b = c = 1 / 3
+        inner = (12 - 9 * b - 6 * c) * x**3 + (-18 + 12 * b + 6 * c) * x**2 + (6 - 2 * b)
+        outer = (-b - 6 * c) * x**3 + (6 * b + 30 * c) * x**2 + (-12 * b - 48 * c) * x + (8 * b + 24 * c)
+        return np.where(x < 1, inner, np.where(x < 2, outer, 0)) / 6
+    t = 2 * np.pi * (x / 3 + 0.5)  # Blackman-Harris over -1.5 .. 1.5
+    window = 0.35875 - 0.48829 * np.cos(t) + 0.14128 * np.cos(2 * t) - 0.01168 * np.cos(3 * t)
+    return np.where(x < 1.5, window, 0)
+
+
+def draw(scene, **options):
+    return luxel.render(scene, flat_camera(SIZE), SIZE, outputs=("linear",), **options).linear
+
+
+@pytest.mark.parametrize("pattern", PATTERNS)
+@pytest.mark.parametrize("name", FILTERS)
+def test_weights_sum_to_one_and_follow_the_formula(name, pattern):
+    pattern = PATTERNS[pattern]
+    taps, weights = filter_taps(name, pattern)
+    assert weights.dtype == np.float32
+    assert abs(weights.sum(dtype=np.float64) - 1) < 1e-6
+    place = taps[:, :2] + pattern[taps[:, 2]] / 256 - 0.5
+    shape = weight(name, place[:, 0]) * weight(name, place[:, 1])
+    if name == "box":
+        shape = np.ones(len(taps))
+        assert np.array_equal(taps, [[0, 0, s] for s in range(len(pattern))])
+    assert np.allclose(weights, shape / shape.sum(), atol=1e-7)
+    assert len(np.unique(taps, axis=0)) == len(taps)
+    radius = FILTERS[name][0]
+    assert np.abs(place).max() <= radius
+    # What the taps leave out has no weight.
+    wide = np.stack(np.meshgrid(np.arange(-4, 5), np.arange(-4, 5)), -1).reshape(-1, 1, 2) + pattern / 256 - 0.5
+    if name != "box":
+        everything = weight(name, wide[..., 0]) * weight(name, wide[..., 1])
+        assert np.isclose(np.abs(everything).sum(), np.abs(shape).sum())
+
+
+@pytest.mark.parametrize("samples", [1, 2, 4, 8, 16])
+@pytest.mark.parametrize("name", WIDE)
+def test_a_constant_stays_what_it_is(name, samples):
+    """At the borders too, where the filter hangs over the picture's edge."""
+    color = (0.25, 0.5, 0.75, 1)
+    scene = Scene.from_mesh(rectangle(-5, -5, 50, 50), Material(color, **UNLIT))
+    assert np.abs(draw(scene, filter=name, samples=samples, tile=8) - color).max() < 1e-6
+    clear = draw(Scene(), filter=name, samples=samples, background=(0.1, 0.2, 0.3, 0.5))
+    assert np.allclose(clear, [0.05, 0.1, 0.15, 0.5], atol=1e-6)
+
+
+@pytest.mark.parametrize("n", [1, 4])
+@pytest.mark.parametrize("name", WIDE)
+def test_impulse_response(name, n):
+    """One lit subpixel (of n x n): the picture around it is the filter, everywhere the same sum."""
+    x, y = 16 + (n // 2) / n, 14 + (1 % n) / n
+    scene = Scene.from_mesh(rectangle(x, y, x + 1 / n, y + 1 / n), Material((1, 0.5, 0, 1), **UNLIT))
+    have = draw(scene, filter=name, ssaa=n, tile=16)
+    columns, rows = np.arange(SIZE[0]) + 0.5, np.arange(SIZE[1]) + 0.5
+    at = np.array([x, y]) + 0.5 / n
+    grid = (np.arange(n) + 0.5) / n - 0.5
+    whole = weight(name, np.add.outer(np.arange(-3, 4), grid)).sum()
+    want = np.outer(weight(name, rows - at[1]), weight(name, columns - at[0])) / whole**2
+    assert np.allclose(have[..., 3], np.clip(want, 0, 1), atol=2e-7)
+    assert np.allclose(have[..., 0], want, atol=2e-7)  # colours may ring
+    assert np.allclose(have[..., 1], want / 2, atol=2e-7)
+    if name in ("tent", "mitchell"):  # partitions of unity: every sample counts the same
+        assert abs(have[..., 0].sum() - 1 / n**2) < 1e-6
+
+
+@pytest.mark.parametrize("name", WIDE)
+def test_borders_weigh_only_what_is_in_the_picture(name):
+    """A lit first column: at the left border the filter's weights over the columns that exist sum to one."""
+    scene = Scene.from_mesh(rectangle(0, -5, 1, 50), Material((1, 1, 1, 1), **UNLIT))
+    have = draw(scene, filter=name)[..., 0]
+    columns = np.arange(SIZE[0])
+    every = weight(name, np.subtract.outer(columns, columns))
+    assert np.allclose(have, (every[:, 0] / every.sum(1))[None], atol=1e-6)
+
+
+@pytest.mark.parametrize("name", WIDE)
+def test_tiles_threads_and_bands_make_no_seams(name, monkeypatch):
+    rng = np.random.default_rng(0)
+    scene = Scene.from_mesh(flat_mesh(rng.uniform(-5, 38, (60, 2)), np.arange(60)), Material((1, 1, 1, 1), **UNLIT))
+    want = draw(scene, filter=name, samples=4)
+    assert want[..., 0].std() > 0.1
+    for tile in (8, 16, 128):
+        assert np.abs(draw(scene, filter=name, samples=4, tile=tile, threads=2) - want).max() < 1e-6
+    monkeypatch.setattr(render, "_BAND_BYTES", 1)
+    assert np.abs(draw(scene, filter=name, samples=4, tile=8) - want).max() < 1e-6
+
+
+@pytest.mark.parametrize("name", WIDE)
+def test_windows_make_no_seams(name, monkeypatch):
+    rng = np.random.default_rng(0)
+    scene = Scene.from_mesh(flat_mesh(rng.uniform(-5, 38, (60, 2)), np.arange(60)), Material((1, 1, 1, 1), **UNLIT))
+    want = draw(scene, filter=name, samples=4, tile=8)
+    monkeypatch.setattr(render, "_WINDOW", 16)
+    assert np.abs(draw(scene, filter=name, samples=4, tile=8) - want).max() < 1e-6
+
+
+def test_the_box_is_the_plain_average_of_the_samples():
+    scene = Scene.from_mesh(rectangle(3.4, 2.7, 20.2, 19.9), Material((1, 1, 1, 1), **UNLIT))
+    for name, pattern in PATTERNS.items():
+        kind, _, count = name.partition("-")
+        options = {"ssaa": int(count)} if kind == "ssaa" else {"samples": int(count), "pattern": kind}
+        have = draw(scene, **options)[..., 3]
+        x, y = (np.arange(side)[:, None] + pattern[:, axis] / 256 for axis, side in enumerate(SIZE))
+        x0, y0, x1, y1 = np.round(np.array([3.4, 2.7, 20.2, 19.9]) * 256) / 256
+        inside = ((y >= y0) & (y < y1))[:, None, :] & ((x >= x0) & (x < x1))[None, :, :]
+        assert np.allclose(have, inside.mean(-1), atol=1e-6)
+
+
+def test_unknown_filters_are_named():
+    with pytest.raises(InputError, match=r"box, tent.*got 'lanczos'"):
+        filter_taps("lanczos", PATTERNS["standard-1"])
+    with pytest.raises(InputError, match="filter"):
+        draw(Scene(), filter="bx")
