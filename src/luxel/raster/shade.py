@@ -140,42 +140,46 @@ def gather_pixels(g, f, cursor, ids, tile, wide, high):
 def gather_samples(g, f, cursor, ids, pattern, every_sample, tile, wide, high):
     """The same for several samples a pixel."""
     n, samples, pixels = 0, len(pattern), tile * tile
-    triangle, pixel, mask = f.triangle, f.pixel, f.mask
+    triangle, pixel, mask, differ = f.triangle, f.pixel, f.mask, f.material  # the materials are not known yet: their place is free
     last = tile * high
     everything = ~np.uint64(0) >> np.uint64(64 - samples)
     while cursor < last and n + samples <= FRAGMENTS:
         x, y = cursor % tile, cursor // tile
+        row = np.uint64(cursor - x)
+        for k in range(np.uint64(0), np.uint64(wide)):
+            differ[k] = 1 if every_sample else 0
+        for s in range(1, samples):
+            plane = row + np.uint64(s * pixels)
+            for k in range(np.uint64(0), np.uint64(wide)):
+                differ[k] |= ids[plane + k] ^ ids[row + k]
+        while x < wide and n + samples <= FRAGMENTS:
+            t, here = ids[cursor], cursor
+            cursor += 1
+            x += 1
+            if differ[x - 1] == 0:
+                triangle[n], pixel[n], mask[n] = t, here, everything
+                g[QX + n], g[QY + n] = _F(x) - _F(0.5), _F(y) + _F(0.5)
+                n += 1 if t >= 0 else 0
+                continue
+            done = np.uint64(0)
+            for s in range(samples):
+                t = ids[s * pixels + here]
+                if t < 0 or done >> np.uint64(s) & np.uint64(1) != np.uint64(0):
+                    continue
+                bits, count, sum_x, sum_y = np.uint64(0), 0, 0, 0
+                for r in range(s, s + 1 if every_sample else samples):
+                    same = np.int64(ids[r * pixels + here] == t)
+                    bits |= np.uint64(same) << np.uint64(r)
+                    count += same
+                    sum_x += same * pattern[r, 0]
+                    sum_y += same * pattern[r, 1]
+                done |= bits
+                triangle[n], pixel[n], mask[n] = t, here, bits
+                share = _F(1 / 256) / _F(count)
+                g[QX + n], g[QY + n] = _F(x - 1) + _F(sum_x) * share, _F(y) + _F(sum_y) * share
+                n += 1
         if x >= wide:
             cursor += tile - x
-            continue
-        t = ids[cursor]
-        differ = 1 if every_sample else 0
-        for s in range(1, samples):
-            differ |= ids[s * pixels + cursor] ^ t
-        if differ == 0:
-            triangle[n], pixel[n], mask[n] = t, cursor, everything
-            g[QX + n], g[QY + n] = _F(x) + _F(0.5), _F(y) + _F(0.5)
-            n += 1 if t >= 0 else 0
-            cursor += 1
-            continue
-        done = np.uint64(0)
-        for s in range(samples):
-            t = ids[s * pixels + cursor]
-            if t < 0 or done & (np.uint64(1) << np.uint64(s)) != 0:
-                continue
-            bits, count, sum_x, sum_y = np.uint64(0), 0, 0, 0
-            for r in range(s, s + 1 if every_sample else samples):
-                if ids[r * pixels + cursor] == t:
-                    bits |= np.uint64(1) << np.uint64(r)
-                    count += 1
-                    sum_x += pattern[r, 0]
-                    sum_y += pattern[r, 1]
-            done |= bits
-            triangle[n], pixel[n], mask[n] = t, cursor, bits
-            share = _F(1 / 256) / _F(count)
-            g[QX + n], g[QY + n] = _F(x) + _F(sum_x) * share, _F(y) + _F(sum_y) * share
-            n += 1
-        cursor += 1
     return n, cursor
 
 
@@ -340,7 +344,8 @@ def attributes(g, f, n, px, py, tile, geometry, screen, screen_f, clipped, clipp
         if source < starts[part] or source >= starts[part + 1]:
             part = find_part(starts, source)
         row = part_material[part]
-        first, last = np.uint64(i), np.uint64(j)
+        # Whole groups of eight, which vectorise without a remainder: what they write too far, the next run writes again.
+        first, last = np.uint64(i), np.uint64(i + ((j - i + 7) & ~7))
         if parts > 1:
             for k in range(first, last):
                 material[k] = row
@@ -488,7 +493,7 @@ def _shade(queue, first_tile, last_tile, across, tile, width, height, occupied, 
     samples, pixels = len(pattern), tile * tile
     own_g, own_sums = np.zeros(_SIZE, np.float32), np.zeros(4 * pixels, np.float32)
     own_f = Fragments(
-        np.zeros(FRAGMENTS, np.int32), np.zeros(FRAGMENTS, np.int32), np.zeros(FRAGMENTS, np.int32), np.ones(FRAGMENTS, np.uint64)
+        np.zeros(FRAGMENTS, np.int32), np.zeros(FRAGMENTS, np.int32), np.zeros(FRAGMENTS + 8, np.int32), np.ones(FRAGMENTS, np.uint64)
     )
     g, sums, f = jit.borrow(own_g), jit.borrow(own_sums), jit.borrow(own_f)
     to_samples = len(target.samples) > 0
