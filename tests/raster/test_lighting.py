@@ -16,7 +16,7 @@ from luxel.scene.material import Material
 from luxel.scene.scene import Scene
 from luxel.scene.transforms import look_at
 
-MATT = Material(base_color=(0.5, 0.25, 1.0, 0.75), specular=(0, 0, 0))
+MATT = Material(alpha_mode="BLEND", base_color=(0.5, 0.25, 1.0, 0.75), specular=(0, 0, 0))
 
 
 @jit.kernel
@@ -198,7 +198,7 @@ def test_ambient_goes_from_ground_to_sky():
 
 def test_emission_is_added_and_unlit_shows_its_colour():
     lit = Material(base_color=(0, 0, 0, 1), specular=(0, 0, 0), emissive=(3, 2, 1))
-    unlit = Material(base_color=(0.1, 0.2, 0.3, 0.4), shading="unlit")
+    unlit = Material(base_color=(0.1, 0.2, 0.3, 0.4), shading="unlit", alpha_mode="BLEND")
     shown = shade([lit, unlit], [from_above()], index=[0, 1, 0, -1], normal=[[0, 0, 1]] * 4)
     assert np.allclose(shown[:3], [(3, 2, 1, 1), (0.1, 0.2, 0.3, 0.4), (3, 2, 1, 1)])
     assert 0.8 < shown[3, 0] < 1  # the default material: 0.8 with a faint highlight

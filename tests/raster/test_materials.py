@@ -104,7 +104,7 @@ def test_the_vertices_of_gouraud_materials_are_lit_without_textures():
     material = Material(base_color=(0.5, 0.6, 0.7, 0.8), base_color_texture=TextureRef(0), normal_texture=TextureRef(0))
     scene = Scene(materials=[material], textures=[TEXTURE])
     vertices, fragments = pack_materials(scene, "gouraud", vertices=True), pack_materials(scene, "gouraud")
-    assert vertices.flags[0] == LIT
+    assert vertices.flags[0] == LIT | ALPHA_BLEND  # alpha is kept, for the fragments to judge
     assert np.allclose(vertices.floats[0, :4], material.base_color)
     assert len(vertices.texels) == 0
     assert fragments.ints[0, CODE] & MODEL_MASK == MODEL_UNLIT

@@ -36,7 +36,7 @@ def test_flat_shading_takes_the_face_normal():
 
 
 def test_base_colour_is_factor_times_vertex_colour_times_texture():
-    material = Material(base_color=(0.5, 0.25, 1, 0.5), base_color_texture=TextureRef(0), shading="unlit")
+    material = Material(base_color=(0.5, 0.25, 1, 0.5), base_color_texture=TextureRef(0), shading="unlit", alpha_mode="BLEND")
     g, n = surface_of(material, [flat_texture(51, 102, 153, 204)], colored=True, CR=[0.5], CG=[1], CB=[2], CA=[0.5])
     assert np.allclose(rgb(g, n, c.CR)[0], np.array([0.2, 0.4, 0.6]) * (0.25, 0.25, 2), atol=1e-6)
     assert np.allclose(row(g, n, c.CA), 0.8 * 0.25)
@@ -207,3 +207,11 @@ def test_the_lightmap_flag_is_only_for_those_who_have_one():
     table = pack_materials(Scene(materials=[Material(lightmap_texture=TextureRef(0)), Material()], textures=[flat_texture(1)]))
     assert (table.ints[:, 0] & LIGHTMAPPED != 0).tolist() == [True, False, False]
     assert (table.ints[:, 0] & MODEL_MASK == MODEL_PHONG).all()
+
+
+@pytest.mark.parametrize("mode", ["OPAQUE", "MASK", "BLEND"])
+def test_only_blended_materials_are_transparent(mode):
+    """OPAQUE ignores alpha, of factor, vertices and texture; what MASK keeps is whole."""
+    material = Material(base_color=(1, 1, 1, 0.5), base_color_texture=TextureRef(0), alpha_mode=mode)
+    g, n = surface_of(material, [flat_texture(255, 255, 255, 51)], colored=True, CA=[0.5])
+    assert np.allclose(row(g, n, c.CA), 0.05 if mode == "BLEND" else 1)

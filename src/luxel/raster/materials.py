@@ -101,7 +101,7 @@ def _bare(material: Material) -> Material:
     none: dict[str, Any] = {f"{slot}_texture": None for slot in SLOTS}
     metallic = 0.0 if material.metallic_roughness_texture else material.metallic
     emissive = (0.0, 0.0, 0.0) if material.emissive_texture else material.emissive
-    return replace(material, metallic=metallic, emissive=emissive, **none)
+    return replace(material, metallic=metallic, emissive=emissive, alpha_mode="BLEND", **none)  # alpha is judged at the fragments
 
 
 def _pack(material: Material, model: str, colored: bool) -> tuple[Array, Array, int]:

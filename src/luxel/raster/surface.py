@@ -60,6 +60,7 @@ from luxel.raster.channels import (
 )
 from luxel.raster.materials import (
     ALPHA,
+    ALPHA_BLEND,
     BASE_SLOT,
     BLUE,
     CODE,
@@ -148,6 +149,9 @@ def evaluate(g: Array, n: int, row: int, table: MaterialTable, rich: bool | None
         textures(g, n, row, table)
     if code & MODEL_MASK == MODEL_PBR or (code & MODEL_MASK == MODEL_PHONG and table.ints[row, DERIVED]):
         metal(g, n, code & MODEL_MASK == MODEL_PHONG)
+    if flags & ALPHA_BLEND == 0:  # OPAQUE ignores alpha, and what MASK keeps is whole
+        for i in range(n):
+            g[CA + i] = _ONE
 
 
 @part
