@@ -97,24 +97,32 @@ class Target(NamedTuple):
 
 
 class Fragments(NamedTuple):
-    """A batch before shading; (FRAGMENTS,) each: drawn triangle, pixel in the tile, row of the material table, the samples it has."""
+    """A batch before shading; (FRAGMENTS,) each: drawn triangle, pixel in the tile, row of the material table, the samples it has; and
+    for its runs of one triangle, (FRAGMENTS + 1,) the first fragment of each, and (FRAGMENTS, 4) source triangle and vertices."""
 
     triangle: Array
     pixel: Array
     material: Array
     mask: Array
+    head: Array
+    source: Array
 
 
-# Rows of the batch that only this file uses: place in the tile in pixels; s_i = e_i w_i; 1 / sum of s_i.
+# Rows of the batch that only this file uses. Of fragments: place in the tile in pixels; s_i = e_i w_i; 1 / sum of s_i.
 QX, QY, S0, S1, S2, INVERSE = (BATCH + PITCH * row for row in range(6))
-_SIZE = BATCH + 6 * PITCH
+# Of runs: corners (x, y in fixed point from the tile's corner, weight); planes of s_i: a 3, b 3, c 3; reference point in pixels; side seen.
+X0, Y0, W0, X1, Y1, W1, X2, Y2, W2 = (BATCH + PITCH * row for row in range(6, 15))
+A0, A1, A2, B0, B1, B2, C0, C1, C2, RX, RY, SIDE = (BATCH + PITCH * row for row in range(15, 27))
+_SIZE = BATCH + 27 * PITCH
 # The same as unsigned numbers, for fast indexing, and so that the compiler makes one version of a function for all rows.
 _QX, _QY, _S0, _S1, _S2, _INVERSE, _FRONT = (np.uint64(row) for row in (QX, QY, S0, S1, S2, INVERSE, FRONT))
 _NX, _PX, _CR, _CB, _U0, _U0X, _U0Y, _U1, _U1X, _U1Y = (np.uint64(row) for row in (NX, PX, CR, CB, U0, U0X, U0Y, U1, U1X, U1Y))
 _TX, _TZ, _DXX, _DYX = (np.uint64(row) for row in (TX, TZ, DXX, DYX))
+_X0, _Y0, _W0, _X1, _Y1, _W1, _X2, _Y2, _W2 = (np.uint64(row) for row in (X0, Y0, W0, X1, Y1, W1, X2, Y2, W2))
+_A0, _A1, _A2, _B0, _B1, _B2, _C0, _C1, _C2 = (np.uint64(row) for row in (A0, A1, A2, B0, B1, B2, C0, C1, C2))
+_RX, _RY, _SIDE = (np.uint64(row) for row in (RX, RY, SIDE))
 _PITCH = np.uint64(PITCH)
 _FIRST, _THIRD, _TWO, _THREE = (np.int64(number) for number in (0, 2, 2, 3))
-_SHORT = 3  # fragments more; a run so long is worth a loop
 _AHEAD = 8  # fragments; so early are their vertices asked for
 
 
@@ -296,21 +304,13 @@ def face_normal(g, i, j, positions, v):
 
 
 @jit.part
-def attributes(g, f, n, px, py, tile, geometry, screen, screen_f, clipped, clipped_f, features, footprint, eye, rich):
-    """Fill the rows of a batch that `features` asks for, a run of fragments of one triangle at a time."""
-    triangles, starts, triangle, material = geometry.triangles, geometry.part_start, f.triangle, f.material
-    positions, normals, colors, tangents = geometry.positions, geometry.normals, geometry.colors, geometry.tangents
-    texcoords, texcoords1, part_material = geometry.texcoords, geometry.texcoords1, geometry.part_material
-    clipped_source, clipped_screen, clipped_corners = clipped.source, clipped.screen, clipped.corners
-    m, part, extent = len(triangles), 0, np.float64(tile * 256)
-    ox, oy = np.float64(px * 256), np.float64(py * 256)
-    divided = features & (NEEDS_POSITION | NEEDS_VIEW | NEEDS_TANGENT | NEEDS_COLOR | NEEDS_UV0 | NEEDS_UV1) != 0
-    parts = len(part_material)
-    if parts == 1:
-        material[:n] = part_material[0]
-    i = 0
+def load_runs(g, f, n, px, py, triangles, screen, screen_f, clipped_source, clipped_screen, clipped_f, normals):
+    """Find the runs of fragments of one triangle and load its corners; returns how many."""
+    m, runs, i = len(triangles), 0, 0
+    ox, oy = np.int64(px * 256), np.int64(py * 256)
+    triangle, head, source = f.triangle, f.head, f.source
     while i < n:
-        t = source = triangle[i]
+        t = triangle[i]
         ahead = triangle[i + _AHEAD] if i + _AHEAD < n else t
         if ahead != t and ahead < m:
             for k in range(3):
@@ -320,35 +320,68 @@ def attributes(g, f, n, px, py, tile, geometry, screen, screen_f, clipped, clipp
         ahead = triangle[i + 2 * _AHEAD] if i + 2 * _AHEAD < n else t
         if ahead != t and ahead < m:
             prefetch(triangles, np.int64(ahead) * 3)
-        j = i + 1
-        if i + _SHORT < n and triangle[i + _SHORT] == t:  # short runs go one by one: their varying lengths would cost more in missed branches
-            while j < n and triangle[j] == t:
-                j += 1
+        head[runs] = i
         if t < m:
             a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-            p, rx, ry, front = planes(
-                screen[a, 0] - ox, screen[a, 1] - oy, np.float64(screen_f[a, 3]), screen[b, 0] - ox, screen[b, 1] - oy,
-                np.float64(screen_f[b, 3]), screen[c, 0] - ox, screen[c, 1] - oy, np.float64(screen_f[c, 3]), extent,
-            )  # fmt: skip
+            source[runs, 0] = t
+            g[X0 + runs], g[Y0 + runs], g[W0 + runs] = _F(screen[a, 0] - ox), _F(screen[a, 1] - oy), screen_f[a, 3]
+            g[X1 + runs], g[Y1 + runs], g[W1 + runs] = _F(screen[b, 0] - ox), _F(screen[b, 1] - oy), screen_f[b, 3]
+            g[X2 + runs], g[Y2 + runs], g[W2 + runs] = _F(screen[c, 0] - ox), _F(screen[c, 1] - oy), screen_f[c, 3]
         else:
-            k = t - m
-            source = clipped_source[k]
-            a, b, c = triangles[source, 0], triangles[source, 1], triangles[source, 2]
-            p, rx, ry, front = planes(
-                clipped_screen[k, 0, 0] - ox, clipped_screen[k, 0, 1] - oy, np.float64(clipped_f[k, 0, 3]),
-                clipped_screen[k, 1, 0] - ox, clipped_screen[k, 1, 1] - oy, np.float64(clipped_f[k, 1, 3]),
-                clipped_screen[k, 2, 0] - ox, clipped_screen[k, 2, 1] - oy, np.float64(clipped_f[k, 2, 3]), extent,
-            )  # fmt: skip
-            p = source_planes(p, clipped_corners[k])
-        v = a, b, c
-        if source < starts[part] or source >= starts[part + 1]:
-            part = find_part(starts, source)
-        row = part_material[part]
+            k, whole = t - m, clipped_source[t - m]
+            a, b, c = triangles[whole, 0], triangles[whole, 1], triangles[whole, 2]
+            source[runs, 0] = whole
+            for corner in range(3):
+                row = X0 + 3 * corner * PITCH + runs
+                g[row], g[row + PITCH] = _F(clipped_screen[k, corner, 0] - ox), _F(clipped_screen[k, corner, 1] - oy)
+                g[row + 2 * PITCH] = clipped_f[k, corner, 3]
+        source[runs, 1], source[runs, 2], source[runs, 3] = a, b, c
+        runs += 1
+        i += 1
+        while i < n and triangle[i] == t:
+            i += 1
+    head[runs] = n
+    return runs
+
+
+@jit.part
+def set_up_runs(g, runs, extent):
+    """Planes of s_i of all runs at once; see `planes`."""
+    for k in range(np.uint64(0), np.uint64(runs)):
+        p, rx, ry, front = planes(
+            np.float64(g[_X0 + k]), np.float64(g[_Y0 + k]), np.float64(g[_W0 + k]), np.float64(g[_X1 + k]), np.float64(g[_Y1 + k]),
+            np.float64(g[_W1 + k]), np.float64(g[_X2 + k]), np.float64(g[_Y2 + k]), np.float64(g[_W2 + k]), extent,
+        )  # fmt: skip
+        g[_A0 + k], g[_A1 + k], g[_A2 + k], g[_B0 + k], g[_B1 + k], g[_B2 + k] = p[0], p[1], p[2], p[3], p[4], p[5]
+        g[_C0 + k], g[_C1 + k], g[_C2 + k], g[_RX + k], g[_RY + k], g[_SIDE + k] = p[6], p[7], p[8], rx, ry, front
+
+
+@jit.part
+def attributes(g, f, n, px, py, tile, geometry, screen, screen_f, clipped, clipped_f, features, footprint, eye, rich):
+    """Fill the rows of a batch that `features` asks for, a run of fragments of one triangle at a time."""
+    triangles, starts, triangle, material = geometry.triangles, geometry.part_start, f.triangle, f.material
+    positions, normals, colors, tangents = geometry.positions, geometry.normals, geometry.colors, geometry.tangents
+    texcoords, texcoords1, part_material = geometry.texcoords, geometry.texcoords1, geometry.part_material
+    m, part, parts, head, source = len(triangles), 0, len(part_material), f.head, f.source
+    divided = features & (NEEDS_POSITION | NEEDS_VIEW | NEEDS_TANGENT | NEEDS_COLOR | NEEDS_UV0 | NEEDS_UV1) != 0
+    if parts == 1:
+        material[:n] = part_material[0]
+    runs = load_runs(g, f, n, px, py, triangles, screen, screen_f, clipped.source, clipped.screen, clipped_f, normals)
+    set_up_runs(g, runs, np.float64(tile * 256))
+    for run in range(runs):
+        i, j, t = head[run], head[run + 1], triangle[head[run]]
+        p = (g[A0 + run], g[A1 + run], g[A2 + run], g[B0 + run], g[B1 + run], g[B2 + run], g[C0 + run], g[C1 + run], g[C2 + run])
+        if t >= m:
+            p = source_planes(p, clipped.corners[t - m])
+        rx, ry, front = g[RX + run], g[RY + run], g[SIDE + run]
+        v = source[run, 1], source[run, 2], source[run, 3]
         # Whole groups of eight, which vectorise without a remainder: what they write too far, the next run writes again.
         first, last = np.uint64(i), np.uint64(i + ((j - i + 7) & ~7))
         if parts > 1:
+            if source[run, 0] < starts[part] or source[run, 0] >= starts[part + 1]:
+                part = find_part(starts, source[run, 0])
             for k in range(first, last):
-                material[k] = row
+                material[k] = part_material[part]
         for k in range(first, last):
             dx, dy = g[_QX + k] - rx, g[_QY + k] - ry
             g[_S0 + k] = p[0] * dx + p[3] * dy + p[6]
@@ -380,7 +413,6 @@ def attributes(g, f, n, px, py, tile, geometry, screen, screen_f, clipped, clipp
                     spread2(g, first, last, _TX, tangents, _FIRST, v)
                     spread2(g, first, last, _TZ, tangents, _THIRD, v)
                 derive(g, first, last, _PX, _DXX, _DYX, positions, _THREE, v, p, footprint)
-        i = j
     if features & NEEDS_VIEW:
         view_vectors(g, n, eye)
 
@@ -493,7 +525,8 @@ def _shade(queue, first_tile, last_tile, across, tile, width, height, occupied, 
     samples, pixels = len(pattern), tile * tile
     own_g, own_sums = np.zeros(_SIZE, np.float32), np.zeros(4 * pixels, np.float32)
     own_f = Fragments(
-        np.zeros(FRAGMENTS, np.int32), np.zeros(FRAGMENTS, np.int32), np.zeros(FRAGMENTS + 8, np.int32), np.ones(FRAGMENTS, np.uint64)
+        np.zeros(FRAGMENTS, np.int32), np.zeros(FRAGMENTS, np.int32), np.zeros(FRAGMENTS + 8, np.int32), np.ones(FRAGMENTS, np.uint64),
+        np.zeros(FRAGMENTS + 1, np.int32), np.zeros((FRAGMENTS, 4), np.int32),
     )
     g, sums, f = jit.borrow(own_g), jit.borrow(own_sums), jit.borrow(own_f)
     to_samples = len(target.samples) > 0
