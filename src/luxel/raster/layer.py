@@ -21,6 +21,7 @@ from luxel.raster.shade import find_part, planes, source_planes
 from luxel.raster.surface import mask_alpha
 
 _F = np.float32
+_ROUNDING = _F(1e-6)  # of filtered and interpolated alpha, which must not open holes in what is wholly there
 
 
 @jit.part
@@ -57,7 +58,7 @@ def opaque_at(t, x, y, geometry, screen, screen_f, clipped, clipped_f, materials
     alpha = mask_alpha(materials, row, u0, v0, u1, v1)
     if len(colors) > 0:
         alpha *= b0 * colors[a, 3] + b1 * colors[b, 3] + b2 * colors[c, 3]
-    return alpha >= materials.floats[row, cutoff_column]
+    return alpha + _ROUNDING >= materials.floats[row, cutoff_column]
 
 
 @jit.parallel_kernel
