@@ -53,8 +53,8 @@ def sample_pattern(samples: int, pattern: str = "standard") -> Array:
     """
     from luxel.errors import InputError
 
-    found = _PATTERNS.get(("standard", 1) if samples == 1 else (pattern, samples))
-    if found is None:
+    key = ("standard", 1) if samples == 1 else (pattern, samples)
+    if key not in list(_PATTERNS):
         known = ", ".join(f"{name} {count}" for name, count in _PATTERNS)
         raise InputError(f"samples: expected one of {known}; got {pattern} {samples}")
-    return np.array(found, np.int32) * (SUBPIXEL // 16)
+    return np.array(_PATTERNS[key], np.int32) * (SUBPIXEL // 16)

@@ -83,7 +83,8 @@ def _gather(instances: list[Instance], meshes: list[Mesh], mirrored: list[bool])
     for instance, mesh, mirror in zip(instances, meshes, mirrored, strict=True):
         matrix = _matrix(instance)
         here, faces = slice(vertex, vertex + len(mesh.positions)), slice(triangle, triangle + len(mesh.triangles))
-        positions[here] = mesh.positions @ matrix[:3, :3].T + matrix[:3, 3]
+        with np.errstate(all="ignore"):  # a vertex that is not finite is dropped later, with its triangles
+            positions[here] = mesh.positions @ matrix[:3, :3].T + matrix[:3, 3]
         triangles[faces] = (mesh.triangles[:, ::-1] if mirror else mesh.triangles) + vertex  # keeps the front in front
         for name, array in attributes.items():
             if present[name]:
@@ -109,7 +110,11 @@ def _attribute(mesh: Mesh, name: str) -> Array:
     if name == "normals":
         from luxel.scene.normals import vertex_normals
 
-        return vertex_normals(mesh.positions, mesh.triangles)
+        positions, triangles = mesh.positions, mesh.triangles
+        finite = np.isfinite(positions).all(1)
+        if not finite.all():  # triangles there are never drawn; their neighbours are
+            positions, triangles = np.where(finite[:, None], positions, np.float32(0)), triangles[finite[triangles].all(1)]
+        return vertex_normals(positions, triangles)
     fill = 1.0 if name == "colors" else 0.0
     return np.full((len(mesh.positions), _WIDTHS[name]), fill, np.float32)
 

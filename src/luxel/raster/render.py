@@ -66,12 +66,13 @@ class Options:
                 raise InputError(f"outputs: expected some of {', '.join(OUTPUTS)}; got {name!r}")
         if not self.outputs:
             raise InputError(f"outputs: expected some of {', '.join(OUTPUTS)}; got none")
-        if self.filter not in FILTERS:
+        if self.filter not in tuple(FILTERS):
             raise InputError(f"filter: expected one of {', '.join(FILTERS)}; got {self.filter!r}")
-        if self.tile not in (8, 16, 32, 64, 128):
+        if not isinstance(self.tile, (int, np.integer)) or self.tile not in (8, 16, 32, 64, 128):
             raise InputError(f"tile: expected 8, 16, 32, 64 or 128, got {self.tile!r}")
-        if not np.isfinite(self.exposure):
+        if not isinstance(self.exposure, (int, float, np.floating, np.integer)) or not np.isfinite(self.exposure):
             raise InputError(f"exposure: expected a finite number of stops, got {self.exposure!r}")
+        object.__setattr__(self, "tile", int(self.tile))
         object.__setattr__(self, "threads", jit.checked_threads(self.threads))
         object.__setattr__(self, "positions", _pattern(self.samples, self.pattern, self.ssaa))
         object.__setattr__(self, "fill", _background(self.background))
@@ -233,7 +234,7 @@ def _see(prepared: Prepared, camera: Camera | None, size: tuple[int, int], previ
         raise InputError(f"camera: expected a Camera, got {type(camera).__name__}")
     assert camera.world_from_camera is not None
     perspective = camera.yfov is not None
-    least_depth = camera.near / camera.far if perspective else 0.0
+    least_depth = float(camera.near / camera.far) if perspective else 0.0
     direction = camera.world_from_camera[:3, 2] / np.linalg.norm(camera.world_from_camera[:3, 2])
     eye = Eye(camera.eye.astype(np.float32), direction.astype(np.float32), not perspective)
     lights, materials, geometry = pack_lights(prepared.scene, camera), prepared.materials, prepared.geometry
