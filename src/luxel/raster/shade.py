@@ -535,8 +535,12 @@ def _shade(queue, first_tile, last_tile, across, tile, width, height, occupied, 
         slot = number - first_tile
         px, py = (number % across) * tile, (number // across) * tile
         wide, high = min(tile, width - px), min(tile, height - py)
-        sums[:] = _F(0.0)
         empty = occupied[number] == 0
+        if empty:
+            for plane in range(4):
+                sums[plane * pixels : plane * pixels + wide] = _F(0.0)
+        else:
+            sums[:] = _F(0.0)
         cursor = tile * high if empty else 0
         while cursor < tile * high:
             if samples == 1:
