@@ -75,7 +75,8 @@ def _gather(instances: list[Instance], meshes: list[Mesh], mirrored: list[bool])
     if len(meshes) == 1 and np.array_equal(_matrix(instances[0]), np.eye(4)):
         mesh = meshes[0]
         rows = [_attribute(mesh, name) if present[name] else np.zeros((0, width), np.float32) for name, width in _WIDTHS.items()]
-        return [mesh.positions, mesh.triangles, *rows]
+        arrays = [mesh.positions, mesh.triangles, *rows]
+        return [np.require(array, requirements="W") for array in arrays]  # kernels would be compiled anew for arrays that are read-only
     count = sum(len(mesh.positions) for mesh in meshes)
     positions, triangles = np.empty((count, 3), np.float32), np.empty((sum(len(mesh.triangles) for mesh in meshes), 3), np.int32)
     attributes = {name: np.empty((count if present[name] else 0, width), np.float32) for name, width in _WIDTHS.items()}
