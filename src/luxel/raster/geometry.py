@@ -112,7 +112,7 @@ def _attribute(mesh: Mesh, name: str) -> Array:
         from luxel.scene.normals import vertex_normals
 
         positions, triangles = mesh.positions, mesh.triangles
-        finite = np.isfinite(positions).all(1)
+        finite = np.asarray(np.isfinite(positions).all(1))
         if not finite.all():  # triangles there are never drawn; their neighbours are
             positions, triangles = np.where(finite[:, None], positions, np.float32(0)), triangles[finite[triangles].all(1)]
         return vertex_normals(positions, triangles)
