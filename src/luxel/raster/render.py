@@ -6,6 +6,7 @@ under a fixed size, so memory does not grow with the number of samples, nor, whe
 
 from __future__ import annotations
 
+import subprocess
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
@@ -16,6 +17,7 @@ import numpy as np
 from luxel import jit
 from luxel.arrays import Array, checked
 from luxel.errors import InputError
+from luxel.raster import warm
 from luxel.raster.bin import BLEND, MASK, NO_CLIPPED, OPAQUE, Bins, bin_triangles
 from luxel.raster.clip import clip
 from luxel.raster.constants import MAX_SIZE, SUBPIXEL, sample_pattern
@@ -264,6 +266,9 @@ def _draw(prepared: Prepared, camera: Camera | None, size: tuple[int, int], opti
     )
     outputs = Outputs.wanted(names - {"motion"} if previous is None else names, width, last - first)
     clock.lap("prepare")
+    if target.color.size or target.linear.size:
+        _warm_up(prepared, seen, options, target)
+        clock.lap("compile")
     corners = [(x, y) for y in range(first, last, _WINDOW) for x in range(0, width, _WINDOW)]
     margin = 0 if options.filter == "box" else options.tile  # what filters reach beyond the window
     for number, (x, y) in enumerate(corners):
@@ -281,6 +286,24 @@ def _draw(prepared: Prepared, camera: Camera | None, size: tuple[int, int], opti
     if "linear" in names:
         fields["linear"] = target.linear
     return Picture(**fields, seconds=clock.seconds)
+
+
+def _warm_up(prepared: Prepared, seen: _View, options: Options, target: Target) -> None:
+    """Where nothing is compiled yet, compile visibility in a child process and, by shading no tiles, shading in this one."""
+    child = warm.start()
+    if child is None:
+        return
+    try:
+        nothing = Bins(np.zeros(1, np.int32), np.zeros(0, np.int32), 0, 0, options.tile)
+        shade(nothing, np.zeros(0, np.uint8), 0, 0, 1, 1, np.empty((0, 1), np.int32), options.positions, options.ssaa > 1, seen.geometry,
+              np.empty((0, 4), np.int32), NO_CLIPPED, prepared.materials, seen.lights, seen.eye, seen.features, 1.0, options.fill, 0, 0,
+              target, 1)  # fmt: skip
+        child.wait(60)
+    except subprocess.TimeoutExpired:
+        pass
+    finally:
+        child.kill()
+        child.wait()
 
 
 class _Clock:

@@ -123,32 +123,57 @@ _A0, _A1, _A2, _B0, _B1, _B2, _C0, _C1, _C2 = (np.uint64(row) for row in (A0, A1
 _RX, _RY, _SIDE = (np.uint64(row) for row in (RX, RY, SIDE))
 _PITCH = np.uint64(PITCH)
 _FIRST, _THIRD, _TWO, _THREE = (np.int64(number) for number in (0, 2, 2, 3))
-_AHEAD = 8  # fragments; so early are their vertices asked for
+_AHEAD = 8  # runs; so early are their vertices asked for
+
+
+@jit.inlined
+def add_run(g, f, n, runs, t, pixel, x, y, count):
+    """Append `count` fragments of triangle `t`, at the centres of the pixels from (x, y) to the right; returns the number of runs.
+
+    Arrays are written in whole groups of eight, which vectorise without a remainder: what goes too far is written again by the next run.
+    """
+    triangle, pixels = f.triangle, f.pixel
+    if n == 0 or triangle[n - 1] != t:
+        f.head[runs] = n
+        runs += 1
+    first = np.uint64(n)
+    for k in range(first, np.uint64(n + ((count + 7) & ~7))):
+        step = np.int32(k - first)
+        triangle[k] = t
+        pixels[k] = np.int32(pixel + step)
+        g[_QX + k] = _F(x) + _F(0.5) + _F(step)
+        g[_QY + k] = _F(y) + _F(0.5)
+    return runs
 
 
 @jit.part
 def gather_pixels(g, f, cursor, ids, tile, wide, high):
-    """The fragments of the tile's rows from `cursor` on, one sample a pixel, until the batch is full; returns (fragments, next pixel)."""
-    n = 0
-    triangle, pixel = f.triangle, f.pixel
+    """The fragments of the tile's rows from `cursor` on, one sample a pixel, until the batch is full.
+
+    Returns (fragments, runs of one triangle, next pixel).
+    """
+    n, runs = 0, 0
     while cursor < tile * high and n + wide <= FRAGMENTS:
-        for x in range(wide):
-            t = ids[cursor + x]
-            triangle[n], pixel[n] = t, cursor + x
-            n += 1 if t >= 0 else 0
+        row, x = np.uint64(cursor), 0
+        while x < wide:
+            t = ids[row + np.uint64(x)]
+            first = x
+            x += 1
+            while x < wide and ids[row + np.uint64(x)] == t:
+                x += 1
+            if t >= 0:
+                runs = add_run(g, f, n, runs, t, cursor + first, first, cursor // tile, x - first)
+                n += x - first
         cursor += tile
-    for i in range(n):
-        y = np.int32(_F(pixel[i]) / _F(tile))
-        g[QX + i] = _F(np.int32(pixel[i] - np.int32(y * np.int32(tile)))) + _F(0.5)
-        g[QY + i] = _F(y) + _F(0.5)
-    return n, cursor
+    return n, runs, cursor
 
 
 @jit.part
 def gather_samples(g, f, cursor, ids, pattern, every_sample, tile, wide, high):
-    """The same for several samples a pixel."""
-    n, samples, pixels = 0, len(pattern), tile * tile
-    triangle, pixel, mask, differ = f.triangle, f.pixel, f.mask, f.material  # the materials are not known yet: their place is free
+    """The same for several samples a pixel, with the samples that each fragment has."""
+    n, runs, samples, pixels = 0, 0, len(pattern), tile * tile
+    triangle, pixel, mask, head = f.triangle, f.pixel, f.mask, f.head
+    differ = f.material  # the materials are not known yet: their place is free
     last = tile * high
     everything = ~np.uint64(0) >> np.uint64(64 - samples)
     while cursor < last and n + samples <= FRAGMENTS:
@@ -161,13 +186,16 @@ def gather_samples(g, f, cursor, ids, pattern, every_sample, tile, wide, high):
             for k in range(np.uint64(0), np.uint64(wide)):
                 differ[k] |= ids[plane + k] ^ ids[row + k]
         while x < wide and n + samples <= FRAGMENTS:
-            t, here = ids[cursor], cursor
-            cursor += 1
+            here, first = np.int64(row) + x, x
+            t = ids[here]
             x += 1
-            if differ[x - 1] == 0:
-                triangle[n], pixel[n], mask[n] = t, here, everything
-                g[QX + n], g[QY + n] = _F(x) - _F(0.5), _F(y) + _F(0.5)
-                n += 1 if t >= 0 else 0
+            if differ[first] == 0:
+                while x < wide and differ[x] == 0 and ids[row + np.uint64(x)] == t and n + x - first < FRAGMENTS:
+                    x += 1
+                if t >= 0:
+                    runs = add_run(g, f, n, runs, t, here, first, y, x - first)
+                    mask[n : n + x - first] = everything
+                    n += x - first
                 continue
             done = np.uint64(0)
             for s in range(samples):
@@ -182,13 +210,15 @@ def gather_samples(g, f, cursor, ids, pattern, every_sample, tile, wide, high):
                     sum_x += same * pattern[r, 0]
                     sum_y += same * pattern[r, 1]
                 done |= bits
+                if n == 0 or triangle[n - 1] != t:
+                    head[runs] = n
+                    runs += 1
                 triangle[n], pixel[n], mask[n] = t, here, bits
                 share = _F(1 / 256) / _F(count)
-                g[QX + n], g[QY + n] = _F(x - 1) + _F(sum_x) * share, _F(y) + _F(sum_y) * share
+                g[QX + n], g[QY + n] = _F(first) + _F(sum_x) * share, _F(y) + _F(sum_y) * share
                 n += 1
-        if x >= wide:
-            cursor += tile - x
-    return n, cursor
+        cursor = np.int64(row) + (tile if x >= wide else x)
+    return n, runs, cursor
 
 
 # Loops below run over unsigned numbers: Numba tests signed indices for being negative, which keeps the compiler from vectorising.
@@ -304,44 +334,40 @@ def face_normal(g, i, j, positions, v):
 
 
 @jit.part
-def load_runs(g, f, n, px, py, triangles, screen, screen_f, clipped_source, clipped_screen, clipped_f, normals):
-    """Find the runs of fragments of one triangle and load its corners; returns how many."""
-    m, runs, i = len(triangles), 0, 0
+def load_runs(g, f, n, runs, px, py, triangles, screen, screen_f, clipped_source, clipped_screen, clipped_f, normals):
+    """Load the corners of the runs' triangles."""
+    m = len(triangles)
     ox, oy = np.int64(px * 256), np.int64(py * 256)
     triangle, head, source = f.triangle, f.head, f.source
-    while i < n:
-        t = triangle[i]
-        ahead = triangle[i + _AHEAD] if i + _AHEAD < n else t
-        if ahead != t and ahead < m:
-            for k in range(3):
-                vertex = np.int64(triangles[ahead, k])
-                prefetch(screen, vertex * 4)
-                prefetch(normals, vertex * 3)
-        ahead = triangle[i + 2 * _AHEAD] if i + 2 * _AHEAD < n else t
-        if ahead != t and ahead < m:
-            prefetch(triangles, np.int64(ahead) * 3)
-        head[runs] = i
+    head[runs] = n
+    for run in range(runs):
+        t = triangle[head[run]]
+        if run + _AHEAD < runs:
+            ahead = triangle[head[run + _AHEAD]]
+            if ahead < m:
+                for k in range(3):
+                    vertex = np.int64(triangles[ahead, k])
+                    prefetch(screen, vertex * 4)
+                    prefetch(normals, vertex * 3)
+        if run + 2 * _AHEAD < runs:
+            ahead = triangle[head[run + 2 * _AHEAD]]
+            if ahead < m:
+                prefetch(triangles, np.int64(ahead) * 3)
         if t < m:
             a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-            source[runs, 0] = t
-            g[X0 + runs], g[Y0 + runs], g[W0 + runs] = _F(screen[a, 0] - ox), _F(screen[a, 1] - oy), screen_f[a, 3]
-            g[X1 + runs], g[Y1 + runs], g[W1 + runs] = _F(screen[b, 0] - ox), _F(screen[b, 1] - oy), screen_f[b, 3]
-            g[X2 + runs], g[Y2 + runs], g[W2 + runs] = _F(screen[c, 0] - ox), _F(screen[c, 1] - oy), screen_f[c, 3]
+            source[run, 0] = t
+            g[X0 + run], g[Y0 + run], g[W0 + run] = _F(screen[a, 0] - ox), _F(screen[a, 1] - oy), screen_f[a, 3]
+            g[X1 + run], g[Y1 + run], g[W1 + run] = _F(screen[b, 0] - ox), _F(screen[b, 1] - oy), screen_f[b, 3]
+            g[X2 + run], g[Y2 + run], g[W2 + run] = _F(screen[c, 0] - ox), _F(screen[c, 1] - oy), screen_f[c, 3]
         else:
             k, whole = t - m, clipped_source[t - m]
             a, b, c = triangles[whole, 0], triangles[whole, 1], triangles[whole, 2]
-            source[runs, 0] = whole
+            source[run, 0] = whole
             for corner in range(3):
-                row = X0 + 3 * corner * PITCH + runs
+                row = X0 + 3 * corner * PITCH + run
                 g[row], g[row + PITCH] = _F(clipped_screen[k, corner, 0] - ox), _F(clipped_screen[k, corner, 1] - oy)
                 g[row + 2 * PITCH] = clipped_f[k, corner, 3]
-        source[runs, 1], source[runs, 2], source[runs, 3] = a, b, c
-        runs += 1
-        i += 1
-        while i < n and triangle[i] == t:
-            i += 1
-    head[runs] = n
-    return runs
+        source[run, 1], source[run, 2], source[run, 3] = a, b, c
 
 
 @jit.part
@@ -357,7 +383,7 @@ def set_up_runs(g, runs, extent):
 
 
 @jit.part
-def attributes(g, f, n, px, py, tile, geometry, screen, screen_f, clipped, clipped_f, features, footprint, eye, rich):
+def attributes(g, f, n, runs, px, py, tile, geometry, screen, screen_f, clipped, clipped_f, features, footprint, eye, rich):
     """Fill the rows of a batch that `features` asks for, a run of fragments of one triangle at a time."""
     triangles, starts, triangle, material = geometry.triangles, geometry.part_start, f.triangle, f.material
     positions, normals, colors, tangents = geometry.positions, geometry.normals, geometry.colors, geometry.tangents
@@ -366,7 +392,7 @@ def attributes(g, f, n, px, py, tile, geometry, screen, screen_f, clipped, clipp
     divided = features & (NEEDS_POSITION | NEEDS_VIEW | NEEDS_TANGENT | NEEDS_COLOR | NEEDS_UV0 | NEEDS_UV1) != 0
     if parts == 1:
         material[:n] = part_material[0]
-    runs = load_runs(g, f, n, px, py, triangles, screen, screen_f, clipped.source, clipped.screen, clipped_f, normals)
+    load_runs(g, f, n, runs, px, py, triangles, screen, screen_f, clipped.source, clipped.screen, clipped_f, normals)
     set_up_runs(g, runs, np.float64(tile * 256))
     for run in range(runs):
         i, j, t = head[run], head[run + 1], triangle[head[run]]
@@ -375,7 +401,7 @@ def attributes(g, f, n, px, py, tile, geometry, screen, screen_f, clipped, clipp
             p = source_planes(p, clipped.corners[t - m])
         rx, ry, front = g[RX + run], g[RY + run], g[SIDE + run]
         v = source[run, 1], source[run, 2], source[run, 3]
-        # Whole groups of eight, which vectorise without a remainder: what they write too far, the next run writes again.
+        # In whole groups of eight, as in `add_run`.
         first, last = np.uint64(i), np.uint64(i + ((j - i + 7) & ~7))
         if parts > 1:
             if source[run, 0] < starts[part] or source[run, 0] >= starts[part + 1]:
@@ -525,7 +551,7 @@ def _shade(queue, first_tile, last_tile, across, tile, width, height, occupied, 
     samples, pixels = len(pattern), tile * tile
     own_g, own_sums = np.zeros(_SIZE, np.float32), np.zeros(4 * pixels, np.float32)
     own_f = Fragments(
-        np.zeros(FRAGMENTS, np.int32), np.zeros(FRAGMENTS, np.int32), np.zeros(FRAGMENTS + 8, np.int32), np.ones(FRAGMENTS, np.uint64),
+        np.zeros(FRAGMENTS + 8, np.int32), np.zeros(FRAGMENTS + 8, np.int32), np.zeros(FRAGMENTS + 8, np.int32), np.ones(FRAGMENTS, np.uint64),
         np.zeros(FRAGMENTS + 1, np.int32), np.zeros((FRAGMENTS, 4), np.int32),
     )
     g, sums, f = jit.borrow(own_g), jit.borrow(own_sums), jit.borrow(own_f)
@@ -544,10 +570,10 @@ def _shade(queue, first_tile, last_tile, across, tile, width, height, occupied, 
         cursor = tile * high if empty else 0
         while cursor < tile * high:
             if samples == 1:
-                n, cursor = gather_pixels(g, f, cursor, ids[slot], tile, wide, high)
+                n, runs, cursor = gather_pixels(g, f, cursor, ids[slot], tile, wide, high)
             else:
-                n, cursor = gather_samples(g, f, cursor, ids[slot], pattern, every_sample, tile, wide, high)
-            attributes(g, f, n, px, py, tile, geometry, screen, screen_f, clipped, clipped_f, features, footprint, eye, rich)
+                n, runs, cursor = gather_samples(g, f, cursor, ids[slot], pattern, every_sample, tile, wide, high)
+            attributes(g, f, n, runs, px, py, tile, geometry, screen, screen_f, clipped, clipped_f, features, footprint, eye, rich)
             surface(g, f.material, n, materials, rich)
             light(g, n, lights, rich)
             if to_samples:
