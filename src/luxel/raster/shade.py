@@ -51,7 +51,7 @@ from luxel.raster.channels import (
     VY,
     VZ,
 )  # fmt: skip
-from luxel.raster.encode import srgb_code, unit_code
+from luxel.raster.encode import encode, srgb_code, unit_code
 from luxel.raster.geometry import Geometry
 from luxel.raster.lanes import prefetch
 from luxel.raster.lighting import LightTable, light
@@ -458,6 +458,18 @@ def view_vectors(g, n, eye):
 
 
 @jit.part
+def write_opaque(g, pixel, n, tile, exposure, codes, color, top, left):
+    """Write the fragments, one a pixel and opaque, straight to the picture; `codes` (FRAGMENTS,) uint32 is scratch."""
+    encode(g, n, exposure, codes)
+    log2 = 0
+    while tile >> (log2 + 1):
+        log2 += 1
+    for i in range(np.uint64(0), np.uint64(n)):
+        y = np.int64(pixel[i]) >> log2
+        color[np.uint64(top + y), np.uint64(left + (np.int64(pixel[i]) & (tile - 1)))] = codes[i]
+
+
+@jit.part
 def set_pixels(g, pixel, n, pixels, sums):
     """Put the fragments, one a pixel, into `sums` (4 * pixels,), premultiplied."""
     for i in range(n):
@@ -555,18 +567,23 @@ def _shade(queue, first_tile, last_tile, across, tile, width, height, occupied, 
         np.zeros(FRAGMENTS + 1, np.int32), np.zeros((FRAGMENTS, 4), np.int32),
     )
     g, sums, f = jit.borrow(own_g), jit.borrow(own_sums), jit.borrow(own_f)
+    own_codes = np.zeros(FRAGMENTS, np.uint32)
+    codes = jit.borrow(own_codes)
     to_samples = len(target.samples) > 0
+    direct = samples == 1 and not to_samples and len(target.linear) == 0  # nothing is blended: no sums are needed
     number = first_tile + jit.take(queue)
     while number < last_tile:
         slot = number - first_tile
         px, py = (number % across) * tile, (number // across) * tile
         wide, high = min(tile, width - px), min(tile, height - py)
         empty = occupied[number] == 0
-        if empty:
+        if empty or direct:
             for plane in range(4):
                 sums[plane * pixels : plane * pixels + wide] = _F(0.0)
         else:
             sums[:] = _F(0.0)
+        if direct:
+            write_tile(sums, True, tile, left + px, top + py, wide, high, exposure, background, target.color, target.linear)
         cursor = tile * high if empty else 0
         while cursor < tile * high:
             if samples == 1:
@@ -578,14 +595,16 @@ def _shade(queue, first_tile, last_tile, across, tile, width, height, occupied, 
             light(g, n, lights, rich)
             if to_samples:
                 lay_over_samples(g, f, n, samples, pixels, target.samples[slot])
+            elif direct:
+                write_opaque(g, f.pixel, n, tile, exposure, codes, target.color, top + py, left + px)
             elif samples == 1:
                 set_pixels(g, f.pixel, n, pixels, sums)
             else:
                 add_to_pixels(g, f, n, samples, pixels, sums)
-        if not to_samples:
+        if not to_samples and not direct:
             write_tile(sums, empty, tile, left + px, top + py, wide, high, exposure, background, target.color, target.linear)
         number = first_tile + jit.take(queue)
-    own_g[0] = own_sums[0] + own_f.triangle[0]  # the scratch must live until here: borrowing does not keep it
+    own_g[0] = own_sums[0] + own_f.triangle[0] + own_codes[0]  # the scratch must live until here: borrowing does not keep it
 
 
 def shade(bins: Bins, occupied: Array, first_tile: int, last_tile: int, width: int, height: int, ids: Array, pattern: Array,
