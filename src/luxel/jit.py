@@ -37,6 +37,25 @@ __all__ = [
     "intrinsic", "ir", "kernel", "on_compile", "parallel_kernel", "part", "run", "take", "types",
 ]  # fmt: skip
 
+def _skip_blas_probe() -> None:
+    """Import numba.np.arraymath without its probe for BLAS, which imports scipy.linalg (0.15 s) only to see whether SciPy is there: it is."""
+    if "numba.np.arraymath" in sys.modules:
+        return
+    try:
+        from numba.np import linalg
+
+        probe = linalg.ensure_blas
+        linalg.ensure_blas = lambda: None
+        try:
+            importlib.import_module("numba.np.arraymath")
+        finally:
+            linalg.ensure_blas = probe
+    except (ImportError, AttributeError):  # another Numba: it takes its time
+        pass
+
+
+_skip_blas_probe()
+
 _IMPORT = re.compile(r"^\s*(?:from\s+(luxel[\w.]*)\s+import\s+([\w, ]+|\([^)]*\))|import\s+(luxel[\w.]*))", re.MULTILINE)
 
 

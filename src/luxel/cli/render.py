@@ -44,7 +44,7 @@ def _option(heading: str | None, *names: str, metavar: str, help: str, **more: A
 _kinds = "A .glb, .gltf, .obj, .ply, .stl or .off."
 _pictures = "The picture: .png, .jpg, .exr (layers) or .npz (arrays)."
 File = Annotated[Path, typer.Argument(metavar="FILE", help=_kinds, show_default=False)]
-Output = Annotated[Path, _option(None, "-o", "--output", metavar="OUT", help=_pictures)]
+Output = Annotated[Path | None, _option(None, "-o", "--output", metavar="OUT", help=f"{_pictures} [FILE's name, .png, here]")]
 Size = Annotated[str, _option(None, "--size", metavar="WxH", help="Pixels; one number makes a square.")]
 Outputs = Annotated[str, _option(None, "--outputs", metavar="LIST", help=f"For .exr and .npz: {', '.join(_OUTPUTS)}.")]
 Threads = Annotated[int | None, _option(None, "--threads", metavar="N", help="Of the processor [all].", min=1)]
@@ -80,7 +80,7 @@ CreaseAngle = Annotated[float | None, _look("--crease-angle", metavar="DEG", hel
 
 def render(
     file: File,
-    output: Output,
+    output: Output = None,
     size: Size = "1280x720",
     outputs: Outputs = "color",
     threads: Threads = None,
@@ -114,6 +114,7 @@ def render(
     from luxel.cli.drawing import EXTENSIONS, SAMPLES, View
 
     pixels = values.size(size)
+    output = output or Path(f"{file.stem}.png")
     opaque = output.suffix.lower() in (".jpg", ".jpeg")  # they have no transparency
     view = View(camera, azimuth, elevation, distance, fov, eye, target, up, ortho, turntable)
     options: dict[str, Any] = {

@@ -92,9 +92,13 @@ def _pattern(samples: int, pattern: str, ssaa: int) -> Array:
 
 
 def _background(value: Any) -> Array:
-    color = checked([0, 0, 0, 0] if value is None else value, ("n",), np.float32, "background")
+    wanted = f"background: expected 3 or 4 finite linear numbers, got {value!r}"
+    try:
+        color = checked([0, 0, 0, 0] if value is None else value, ("n",), np.float32, "background")
+    except InputError as error:
+        raise InputError(wanted) from error
     if len(color) not in (3, 4) or not np.isfinite(color).all():
-        raise InputError(f"background: expected 3 or 4 finite linear numbers, got {value!r}")
+        raise InputError(wanted)
     alpha = color[3] if len(color) == 4 else 1.0
     return np.array([*(color[:3] * alpha), alpha], np.float32)
 
@@ -148,7 +152,7 @@ def render(scene: Any, camera: Camera | None = None, size: tuple[int, int] = (12
         previous_camera: Motion is measured from its picture to this one; None: no motion.
         exposure: Stops; light is multiplied by 2 to this power.
         threads: None: all cores this process may use.
-        tile: Side of a tile in pixels; changes speed only.
+        tile: Side of a tile in pixels; changes speed, and colours by rounding, but not ids or depth.
         progress: Called with the fraction that is done.
 
     Returns:
