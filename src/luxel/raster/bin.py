@@ -14,6 +14,7 @@ import numpy as np
 from luxel import jit
 from luxel.arrays import Array
 from luxel.raster.constants import UNSAFE
+from luxel.raster.edge import area2, edges
 from luxel.raster.project import Window
 
 OPAQUE, MASK, BLEND = 0, 1, 2
@@ -55,12 +56,6 @@ NO_CLIPPED = Clipped(np.zeros(0, np.int32), np.zeros((0, 3, 4), np.int32), np.ze
 
 
 @jit.inlined
-def area2(x0, y0, x1, y1, x2, y2):
-    """Twice the signed area in fixed point, exact: positive if the front (counter-clockwise before y turned down) is seen."""
-    return (x2 - x0) * (y1 - y0) - (x1 - x0) * (y2 - y0)
-
-
-@jit.inlined
 def tile_box(x0, y0, x1, y1, x2, y2, cull, low, high, width, height, tile_log2):
     """First and last tile, across and down, with a pixel whose samples (`low` .. `high` in the pixel) may lie inside; (1, 1, 0, 0) if none."""
     area = area2(x0, y0, x1, y1, x2, y2)
@@ -72,6 +67,10 @@ def tile_box(x0, y0, x1, y1, x2, y2, cull, low, high, width, height, tile_log2):
     hy = min((max(y0, max(y1, y2)) - low) >> 8, height - 1)
     if lx > hx or ly > hy:
         return 1, 1, 0, 0
+    if lx == hx and ly == hy and low == high:  # a single sample, and half of those of a fine mesh miss it
+        _, _, e0, _, _, e1, _, _, e2 = edges(x0, y0, x1, y1, x2, y2, (lx << 8) + low, (ly << 8) + low)
+        if (e0 | e1 | e2) < 0:
+            return 1, 1, 0, 0
     return lx >> tile_log2, ly >> tile_log2, hx >> tile_log2, hy >> tile_log2
 
 

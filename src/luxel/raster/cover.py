@@ -18,8 +18,9 @@ import numpy as np
 
 from luxel import jit
 from luxel.arrays import Array
-from luxel.raster.bin import Bins, Clipped, area2
+from luxel.raster.bin import Bins, Clipped
 from luxel.raster.constants import NOTHING
+from luxel.raster.edge import edges
 from luxel.raster.lanes import LANES, draw_inside, draw_span, prefetch
 
 NARROW = 32
@@ -33,12 +34,6 @@ AHEAD = 6
 
 BEHIND = np.float32(-1.0)
 """Depth where there is nothing: farther than 0, which is the far plane of an orthographic camera, and drawn."""
-
-
-@jit.inlined
-def edge_bias(a, b):
-    """0 if samples on the edge with e = a x + b y + c belong to the triangle (left edge, or top edge), else -1."""
-    return 0 if a > 0 or (a == 0 and b > 0) else -1
 
 
 @jit.inlined
@@ -67,24 +62,6 @@ def load(t, triangles, screen, screen_f, clipped_screen, clipped_f):
         np.int64(clipped_screen[k, 0, 0]), np.int64(clipped_screen[k, 0, 1]), clipped_f[k, 0, 2],
         np.int64(clipped_screen[k, 1, 0]), np.int64(clipped_screen[k, 1, 1]), clipped_f[k, 1, 2],
         np.int64(clipped_screen[k, 2, 0]), np.int64(clipped_screen[k, 2, 1]), clipped_f[k, 2, 2],
-    )  # fmt: skip
-
-
-@jit.inlined
-def edges(x0, y0, x1, y1, x2, y2, ox, oy):
-    """a0 b0 c0 a1 b1 c1 a2 b2 c2 of the edge functions e = a x + b y + c, of positions from (ox, oy); e >= 0 in all three is inside.
-
-    Edge i is opposite corner i. A triangle seen from behind is turned first.
-    """
-    if area2(x0, y0, x1, y1, x2, y2) < 0:
-        x1, y1, x2, y2 = x2, y2, x1, y1
-    a0, b0 = y2 - y1, x1 - x2
-    a1, b1 = y0 - y2, x2 - x0
-    a2, b2 = y1 - y0, x0 - x1
-    return (
-        a0, b0, a0 * (ox - x1) + b0 * (oy - y1) + edge_bias(a0, b0),
-        a1, b1, a1 * (ox - x2) + b1 * (oy - y2) + edge_bias(a1, b1),
-        a2, b2, a2 * (ox - x0) + b2 * (oy - y0) + edge_bias(a2, b2),
     )  # fmt: skip
 
 

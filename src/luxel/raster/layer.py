@@ -14,7 +14,8 @@ from luxel import jit
 from luxel.arrays import Array
 from luxel.raster.bin import Bins, Clipped
 from luxel.raster.constants import NOTHING
-from luxel.raster.cover import depth_plane, edges, load
+from luxel.raster.cover import depth_plane, load
+from luxel.raster.edge import edges
 from luxel.raster.geometry import Geometry
 from luxel.raster.materials import MaterialTable
 from luxel.raster.shade import find_part, planes, source_planes
