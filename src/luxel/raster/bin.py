@@ -13,6 +13,7 @@ import numpy as np
 
 from luxel import jit
 from luxel.arrays import Array
+from luxel.errors import InputError
 from luxel.raster.constants import UNSAFE
 from luxel.raster.edge import area2, edges
 from luxel.raster.project import Window
@@ -178,6 +179,9 @@ def bin_triangles(triangles: Array, screen: Array, clipped: Clipped, parts: Part
         window.width, window.height, tile.bit_length() - 1, across, kept, boxes, kept_count, counts,
     )  # fmt: skip
     start = np.empty(across * down + 1, np.int32)
-    ids = np.empty(_scan(counts, start), np.int32)
+    total = _scan(counts, start)
+    if total >= 1 << 31:
+        raise InputError(f"{total} entries in the tiles' triangle lists: expected fewer than 2^31; draw in windows or with larger tiles")
+    ids = np.empty(total, np.int32)
     jit.run(_fill, threads, m, clipped.source, across, kept, boxes, kept_count, counts, ids)
     return Bins(start, ids, across, down, tile)
