@@ -16,9 +16,9 @@ from luxel.raster.bin import Bins, Clipped
 from luxel.raster.constants import NOTHING
 from luxel.raster.cover import depth_plane, load
 from luxel.raster.edge import edges
+from luxel.raster.fragments import find_part, planes, source_planes
 from luxel.raster.geometry import Geometry
 from luxel.raster.materials import MaterialTable
-from luxel.raster.shade import find_part, planes, source_planes
 from luxel.raster.surface import mask_alpha
 
 _F = np.float32

@@ -10,8 +10,8 @@ import numpy as np
 from luxel import jit
 from luxel.arrays import Array
 from luxel.raster.bin import Bins, Clipped
+from luxel.raster.fragments import find_part
 from luxel.raster.geometry import Geometry
-from luxel.raster.shade import find_part
 
 _F = np.float32
 

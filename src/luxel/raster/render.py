@@ -22,6 +22,7 @@ from luxel.raster.bin import BLEND, MASK, NO_CLIPPED, OPAQUE, Bins, bin_triangle
 from luxel.raster.clip import clip
 from luxel.raster.constants import MAX_SIZE, SUBPIXEL, sample_pattern
 from luxel.raster.cover import cover
+from luxel.raster.fragments import NEEDS_POSITION, Eye
 from luxel.raster.geometry import Geometry, flatten
 from luxel.raster.lanes import LANES
 from luxel.raster.lighting import LightTable, pack_lights
@@ -30,7 +31,7 @@ from luxel.raster.outputs import SHAPES, Outputs, write_outputs
 from luxel.raster.picture import Picture
 from luxel.raster.project import View, Window, project
 from luxel.raster.resolve import FILTERS, filter_taps, resolve
-from luxel.raster.shade import NEEDS_POSITION, Eye, Target, light_vertices, shade
+from luxel.raster.shade import Target, light_vertices, shade
 from luxel.scene.camera import Camera
 from luxel.scene.framing import camera_for
 from luxel.scene.scene import Scene
