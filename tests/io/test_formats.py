@@ -237,3 +237,21 @@ def test_import_is_light(tmp_path):
         [sys.executable, "-c", code, str(tmp_path / "a.obj")], capture_output=True, text=True, check=True, env={**os.environ, "PYTHONPATH": str(path)}
     )
     assert out.stdout.strip() == "[]"
+
+
+def test_warnings_point_at_the_caller(tmp_path):
+    points = tmp_path / "x.off"
+    points.write_text("OFF\n3 2 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n2 0 1\n")
+    with pytest.warns(LuxelWarning, match="fewer than 3 corners") as caught:
+        luxel.io.load(points)
+    assert [warning.filename for warning in caught] == [__file__]
+
+
+def test_a_missing_file_is_named_once(tmp_path):
+    with pytest.raises(FileError, match=r"^\S*none.obj: cannot read: No such file"):
+        luxel.io.load(tmp_path / "none.obj")
+
+
+def test_what_is_no_glb_is_said(load):
+    with pytest.raises(FileError, match=r"x.glb: neither a GLB \(it begins with b'hell'"):
+        load("x.glb", b"hello, world")

@@ -43,7 +43,7 @@ def tell(where: object, what: str) -> None:
     level, frame = 2, sys._getframe(1)
     while frame.f_back is not None and str(frame.f_globals.get("__name__")).startswith("luxel."):
         level, frame = level + 1, frame.f_back
-    warnings.warn(f"{where}: {what}", LuxelWarning, stacklevel=level - 1)
+    warnings.warn(f"{where}: {what}", LuxelWarning, stacklevel=level)
 
 
 def open_plain(path: Path, where: object | None = None) -> IO[bytes]:
@@ -52,14 +52,15 @@ def open_plain(path: Path, where: object | None = None) -> IO[bytes]:
     Raises:
         FileError: It is missing, unreadable or not a plain file (a pipe or a device would block, or never end).
     """
-    where = path.name if where is None else where
+    what = "" if where is None else f" {path}"
+    where = path if where is None else where
     try:
         mode = path.stat().st_mode
         if not stat.S_ISREG(mode):
-            raise FileError(where, f"{path} is {'a folder' if stat.S_ISDIR(mode) else 'not a plain file'}")
+            raise FileError(where, f"cannot read{what}: it is {'a folder' if stat.S_ISDIR(mode) else 'not a plain file'}")
         return path.open("rb")
     except (OSError, ValueError) as error:  # ValueError: a null byte in the name
-        raise FileError(where, f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from error
+        raise FileError(where, f"cannot read{what}: {getattr(error, 'strerror', None) or error}") from error
 
 
 def read_bytes(path: Path, where: object | None = None) -> Array:

@@ -121,6 +121,8 @@ class Document(Part):
         text = raw
         if raw[:4].tobytes() == b"glTF":
             text, self.binary = _split_glb(raw, path.name)
+        elif path.suffix.lower() == ".glb" and raw[:64].tobytes().lstrip(b"\xef\xbb\xbf \t\r\n")[:1] != b"{":
+            raise FileError(path.name, f"neither a GLB (it begins with {raw[:4].tobytes()!r}, not b'glTF') nor glTF's JSON")
         super().__init__(path.name, _parse_json(text.tobytes(), path.name))
         asset = self.part("asset")
         version = asset.text("version", "2.0") if asset else "2.0"
