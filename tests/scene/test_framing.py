@@ -154,3 +154,8 @@ def test_wrong_values_are_named(wrong):
 def test_turntable_needs_a_view():
     with pytest.raises(InputError, match="at least 1"):
         turntable(Scene(), 0)
+
+
+def test_a_scene_is_asked_for():
+    with pytest.raises(InputError, match=r"expected a Scene.*got tuple"):
+        frame((np.zeros((3, 3)), [[0, 1, 2]]))

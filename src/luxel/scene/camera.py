@@ -38,10 +38,15 @@ class Camera:
         self.world_from_camera = checked(matrix, (4, 4), np.float64, "world_from_camera")
         if not np.isfinite(self.world_from_camera).all():
             raise InputError("world_from_camera: expected finite numbers")
+        if not np.linalg.det(self.world_from_camera[:3, :3]):
+            raise InputError("world_from_camera: expected a matrix that can be inverted")
         if self.yfov is not None and not 0 < self.yfov < np.pi:
             raise InputError(f"yfov: expected radians between 0 and pi, got {self.yfov}")
-        if self.yfov is None and not (self.height > 0 and np.isfinite(self.far)):
-            raise InputError(f"orthographic camera: expected height > 0 and a finite far, got {self.height}, {self.far}")
+        if self.yfov is None and not (0 < self.height < np.inf and np.isfinite(self.near) and np.isfinite(self.far)):
+            lens = f"{self.height}, {self.near}, {self.far}"
+            raise InputError(f"orthographic camera: expected a finite height > 0, near and far, got {lens}")
+        if self.aspect is not None and not 0 < self.aspect < np.inf:
+            raise InputError(f"aspect: expected a finite number > 0, got {self.aspect}")
         if not (self.far > self.near and (self.yfov is None or self.near > 0)):
             raise InputError(f"expected 0 < near < far, got near {self.near}, far {self.far}")
 

@@ -55,7 +55,7 @@ def frame(
     Raises:
         InputError: An angle, the distance or the size is out of range.
     """
-    _check(azimuth, elevation, distance, size, margin)
+    _check(scene, azimuth, elevation, distance, size, margin)
     turn = _upright(up) @ rotation((0, 1, 0), azimuth) @ rotation((1, 0, 0), -elevation)
     points = _points(scene, turn[:3, :3])
     slope = _slope(yfov, size, margin)
@@ -86,7 +86,7 @@ def turntable(
     """
     if count < 1:
         raise InputError(f"turntable: expected at least 1 view, got {count}")
-    _check(azimuth, elevation, distance, size, margin)
+    _check(scene, azimuth, elevation, distance, size, margin)
     stand = _upright(up)
     middle = scene.bounds().mean(0) @ stand[:3, :3]
     tilt = rotation((1, 0, 0), -elevation)
@@ -99,7 +99,9 @@ def turntable(
     return [_camera(turn, eye, depth, yfov, height or tall) for turn in turns]
 
 
-def _check(azimuth: float, elevation: float, distance: float | None, size: tuple[int, int], margin: float) -> None:
+def _check(scene: Scene, azimuth: float, elevation: float, distance: float | None, size: tuple[int, int], margin: float) -> None:
+    if not isinstance(scene, Scene):
+        raise InputError(f"scene: expected a Scene, as luxel.load gives, got {type(scene).__name__}")
     if not (np.isfinite(azimuth) and abs(elevation) <= np.pi / 2 + 1e-9):
         raise InputError(f"expected a finite azimuth and an elevation of -pi/2 .. pi/2, got {azimuth}, {elevation}")
     if distance is not None and not (np.isfinite(distance) and distance > 0):

@@ -35,7 +35,8 @@ def look_at(eye: object, target: object, up: object = (0.0, 1.0, 0.0)) -> Array:
     back = _unit(eye_ - target_, "eye - target")
     right = np.cross(up_, back)
     if np.linalg.norm(right) < 1e-9 * max(float(np.linalg.norm(up_)), 1e-300):  # looks along up: any right will do
-        right = np.cross(np.roll(back, 1), back)
+        axis = np.eye(3)[np.abs(back).argmin()]  # +x for a look straight down, as a framed camera has it
+        right = axis - axis @ back * back
     right = _unit(right, "up")
     matrix = np.eye(4)
     matrix[:3, :4] = np.stack([right, np.cross(back, right), back, eye_], 1)
