@@ -109,6 +109,10 @@ def test_what_is_missing_is_named(capsys, tmp_path):
         ("--cull", "front"),
         ("--outputs", "colour"),
         ("--fov", "200"),
+        ("--azimuth", "nan"),
+        ("--elevation", "91"),
+        ("--distance", "0"),
+        ("--crease-angle", "-3"),
         ("--eye", "1,2"),
         ("--ssaa", "0"),
         ("--threads", "0"),
@@ -274,6 +278,13 @@ def test_render_json_is_all_there_is_on_stdout(capsys, cube, tmp_path):
 def test_render_quietly(capsys, cube, tmp_path):
     assert main(["render", str(cube), "-o", str(tmp_path / "a.png"), "--size", "16", "-q"]) == 0
     assert capsys.readouterr() == ("", "")
+
+
+def test_a_file_without_triangles_is_said(capsys, tmp_path):
+    points = tmp_path / "points.obj"
+    points.write_text("v 0 0 0\n")
+    assert main(["render", str(points), "-o", str(tmp_path / "a.png"), "--size", "8"]) == 0
+    assert "no triangles: the picture is empty" in capsys.readouterr().err
 
 
 def test_turntable_numbers_its_files(capsys, cube, tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf, isfinite
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +42,12 @@ class View:
             raise InputError("--eye goes with --target, --up, --fov and --ortho, not with what frames the scene")
         if self.target is not None and self.eye is None:
             raise InputError("--target needs --eye: where the camera stands")
+        if self.azimuth is not None and not isfinite(self.azimuth):
+            raise InputError(f"--azimuth: expected degrees, got {self.azimuth:g}")
+        if self.elevation is not None and not abs(self.elevation) <= 90:
+            raise InputError(f"--elevation: expected degrees from -90 to 90, got {self.elevation:g}")
+        if self.distance is not None and not 0 < self.distance < inf:
+            raise InputError(f"--distance: expected metres above 0, got {self.distance:g}")
         if self.fov is not None and not 0 < self.fov < 180:
             raise InputError(f"--fov: expected degrees between 0 and 180, got {self.fov:g}")
         if self.fov is not None and self.ortho is not None:

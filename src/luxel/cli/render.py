@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -12,7 +13,7 @@ import typer
 
 from luxel.cli import values
 from luxel.cli.console import Console, Json, Quiet, seconds
-from luxel.errors import InputError
+from luxel.errors import InputError, LuxelWarning
 
 if TYPE_CHECKING:
     from luxel.cli.drawing import View
@@ -155,8 +156,12 @@ def _draw_file(
     from luxel import load
     from luxel.cli.drawing import with_lightmap
 
+    if crease_angle is not None and not 0 <= crease_angle <= 180:
+        raise InputError(f"--crease-angle: expected degrees from 0 to 180, got {crease_angle:g}")
     start = time.perf_counter()
     scene = load(file, crease_angle=None if crease_angle is None else radians(crease_angle))
+    if not scene.triangle_count:
+        warnings.warn(f"{file}: no triangles: the picture is empty", LuxelWarning, stacklevel=2)
     if lightmap is not None:
         with_lightmap(scene, lightmap)
     cameras = view.cameras(scene, size)
