@@ -319,3 +319,26 @@ def test_without_a_camera_the_scene_is_framed():
     seen = picture.triangle >= 0
     assert seen.mean() > 0.1
     assert not seen[[0, -1]].any()
+
+
+@pytest.mark.parametrize(
+    ("options", "word"),
+    [
+        ({"exposure": 1e4}, "exposure"),
+        ({"shading": "unlit"}, "prepared"),
+        ({"cull": "none"}, "prepared"),
+        ({"previous_camera": 3, "outputs": ("motion",)}, "previous_camera"),
+        ({"size": (2.7, 3.9)}, "size"),
+    ],
+)
+def test_what_would_be_ignored_or_overflow_is_refused(options, word):
+    prepared = luxel.prepare((np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], np.int32)))
+    with pytest.raises(luxel.InputError, match=word):
+        luxel.render(prepared, **{"size": (4, 4), **options})
+
+
+def test_streaming_names_an_option_it_has_not(tmp_path):
+    scene = np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], np.int32)
+    with pytest.raises(luxel.InputError, match="outputs"):
+        luxel.render_to_png(tmp_path / "a.png", scene, size=(4, 4), outputs=("depth",))
+    assert not list(tmp_path.iterdir())

@@ -6,10 +6,11 @@ under a fixed size, so memory does not grow with the number of samples, nor, whe
 
 from __future__ import annotations
 
+import operator
 import subprocess
 import time
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -73,8 +74,8 @@ class Options:
             raise InputError(f"filter: expected one of {', '.join(FILTERS)}; got {self.filter!r}")
         if not isinstance(self.tile, (int, np.integer)) or self.tile not in (8, 16, 32, 64, 128):
             raise InputError(f"tile: expected 8, 16, 32, 64 or 128, got {self.tile!r}")
-        if not isinstance(self.exposure, (int, float, np.floating, np.integer)) or not np.isfinite(self.exposure):
-            raise InputError(f"exposure: expected a finite number of stops, got {self.exposure!r}")
+        if not isinstance(self.exposure, (int, float, np.floating, np.integer)) or not abs(self.exposure) <= 64:
+            raise InputError(f"exposure: expected -64 to 64 stops, got {self.exposure!r}")
         object.__setattr__(self, "tile", int(self.tile))
         object.__setattr__(self, "threads", jit.checked_threads(self.threads))
         object.__setattr__(self, "positions", _pattern(self.samples, self.pattern, self.ssaa))
@@ -131,6 +132,14 @@ def prepare(scene: Any, shading: str | None = None, cull: str = "material") -> P
     return Prepared(scene, flatten(scene, cull), materials, vertex_materials)
 
 
+def _prepared(scene: Any, shading: str | None, cull: str) -> Prepared:
+    if not isinstance(scene, Prepared):
+        return prepare(scene, shading, cull)
+    if shading is not None or cull != "material":
+        raise InputError("shading and cull: a prepared scene has its own; give them to prepare")
+    return scene
+
+
 def render(scene: Any, camera: Camera | None = None, size: tuple[int, int] = (1280, 720), *, samples: int = 1, pattern: str = "standard",
            ssaa: int = 1, filter: str = "box", shading: str | None = None, cull: str = "material", background: Any = None,
            outputs: Iterable[str] = ("color",), previous_camera: Camera | None = None, exposure: float = 0.0, threads: int | None = None,
@@ -166,7 +175,7 @@ def render(scene: Any, camera: Camera | None = None, size: tuple[int, int] = (12
     options = Options(samples, pattern, ssaa, filter, background, tuple(outputs) if not isinstance(outputs, str) else (outputs,), exposure,
                       threads, tile)  # fmt: skip
     started = time.perf_counter()
-    prepared = scene if isinstance(scene, Prepared) else prepare(scene, shading, cull)
+    prepared = _prepared(scene, shading, cull)
     picture = _draw(prepared, camera, _checked_size(size), options, previous_camera, progress)
     picture.seconds = {"prepare": time.perf_counter() - started - sum(picture.seconds.values()), **picture.seconds}
     return picture
@@ -179,7 +188,7 @@ def render_views(scene: Any, cameras: Iterable[Camera], size: tuple[int, int] = 
     Yields:
         A Picture for each camera, in order.
     """
-    prepared = scene if isinstance(scene, Prepared) else prepare(scene, shading, cull)
+    prepared = _prepared(scene, shading, cull)
     for camera in cameras:
         yield render(prepared, camera, size, **options)
 
@@ -194,8 +203,12 @@ def render_to_png(path: Any, scene: Any, camera: Camera | None = None, size: tup
     from luxel.io.images import PngStream
 
     width, height = _checked_size(size)
-    chosen = Options(**{**options, "outputs": ("color",)})
-    prepared = scene if isinstance(scene, Prepared) else prepare(scene, shading, cull)
+    known = {item.name for item in fields(Options) if item.init} - {"outputs"}
+    for name in options:
+        if name not in known:
+            raise InputError(f"render_to_png: expected options among {', '.join(sorted(known))}; got {name}")
+    chosen = Options(**options)
+    prepared = _prepared(scene, shading, cull)
     rows = max(chosen.tile, (_BAND_BYTES // (8 * width)) // chosen.tile * chosen.tile)
     margin = 0 if chosen.filter == "box" else chosen.tile
     seconds: dict[str, float] = {}
@@ -215,7 +228,7 @@ def render_to_png(path: Any, scene: Any, camera: Camera | None = None, size: tup
 
 def _checked_size(size: Any) -> tuple[int, int]:
     try:
-        width, height = (int(side) for side in size)
+        width, height = (operator.index(side) for side in size)
     except (TypeError, ValueError):
         raise InputError(f"size: expected (width, height) in pixels, got {size!r}") from None
     if not (1 <= width <= 1 << 20 and 1 <= height <= 1 << 20):
@@ -251,6 +264,8 @@ def _see(prepared: Prepared, camera: Camera | None, size: tuple[int, int], previ
     if prepared.vertex_materials is not None:
         lit = light_vertices(geometry, materials.flags & GOURAUD != 0, prepared.vertex_materials, lights, eye, threads)
         geometry = geometry._replace(colors=lit)
+    if previous is not None and not isinstance(previous, Camera):
+        raise InputError(f"previous_camera: expected a Camera, got {type(previous).__name__}")
     motion = previous.clip_from_world(size) if previous is not None else None
     return _View(camera, View(camera.clip_from_world(size), least_depth), eye, lights, geometry, features, motion)
 
