@@ -65,10 +65,22 @@ def load(t, triangles, screen, screen_f, clipped_screen, clipped_f):
     )  # fmt: skip
 
 
+@jit.inlined
+def ask_ahead(q, end, bin_ids, triangles, screen):
+    """Prefetch what the triangles after entry `q` of a bin will need."""
+    m = len(triangles)
+    if q + 2 * AHEAD < end and bin_ids[q + 2 * AHEAD] < m:
+        prefetch(triangles, np.int64(bin_ids[q + 2 * AHEAD]) * 3)
+        ahead = bin_ids[q + AHEAD]
+        if ahead < m:
+            prefetch(screen, np.int64(triangles[ahead, 0]) * 4)
+            prefetch(screen, np.int64(triangles[ahead, 1]) * 4)
+            prefetch(screen, np.int64(triangles[ahead, 2]) * 4)
+
+
 @jit.parallel_kernel
 def _cover(queue, first_tile, last_tile, across, tile, width, height, start, bin_ids, triangles, screen, screen_f,
            clipped_screen, clipped_screen_f, pattern, clear_all, depths, ids_out):  # fmt: skip
-    m = len(triangles)
     samples = len(pattern)
     pixels = tile * tile
     keep_depth = len(depths) > 0
@@ -86,13 +98,7 @@ def _cover(queue, first_tile, last_tile, across, tile, width, height, start, bin
             wide, high = min(tile, width - px), min(tile, height - py)
             for q in range(begin, end):
                 t = bin_ids[q]
-                if q + 2 * AHEAD < end and bin_ids[q + 2 * AHEAD] < m:
-                    prefetch(triangles, np.int64(bin_ids[q + 2 * AHEAD]) * 3)
-                    ahead = bin_ids[q + AHEAD]
-                    if ahead < m:
-                        prefetch(screen, np.int64(triangles[ahead, 0]) * 4)
-                        prefetch(screen, np.int64(triangles[ahead, 1]) * 4)
-                        prefetch(screen, np.int64(triangles[ahead, 2]) * 4)
+                ask_ahead(q, end, bin_ids, triangles, screen)
                 x0, y0, z0, x1, y1, z1, x2, y2, z2 = load(t, triangles, screen, screen_f, clipped_screen, clipped_screen_f)
                 z, zx, zy = depth_plane(x0, y0, z0, x1, y1, z1, x2, y2, z2)
                 z_low, z_high = min(z0, min(z1, z2)), max(z0, max(z1, z2))

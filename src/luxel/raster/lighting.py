@@ -63,6 +63,7 @@ from luxel.raster.channels import (
     VZ,
 )
 from luxel.raster.materials import EMISSIVE, LIGHTMAPPED, MODEL_LAMBERT, MODEL_MASK, MODEL_PBR, MODEL_PHONG, MODEL_UNLIT, OCCLUDED
+from luxel.raster.surface import run_length
 from luxel.scene.camera import Camera
 from luxel.scene.light import Ambient, Light
 from luxel.scene.scene import Scene
@@ -139,7 +140,7 @@ def light(g: Array, n: int, table: LightTable, rich: bool | None = True) -> None
     """
     start = 0
     while start < n:
-        length = model_length(g[MODEL + start : MODEL + n])
+        length = run_length(g[MODEL + start : MODEL + n])
         code = np.int32(g[MODEL + start])
         if code & MODEL_MASK != MODEL_UNLIT:
             begin(g[start:], length, table.ambient, code, rich)
@@ -147,20 +148,6 @@ def light(g: Array, n: int, table: LightTable, rich: bool | None = True) -> None
                 add(g[start:], length, table.lights[k], code, rich)
             finish(g[start:], length, code)
         start += length
-
-
-@part
-def model_length(keys: Array) -> int:
-    """How many keys at the beginning are equal; quick when all are."""
-    differ = np.int32(0)
-    for i in range(len(keys)):
-        differ = np.int32(differ | np.int32(keys[i] != keys[0]))
-    length = len(keys)
-    if differ:
-        length = 1
-        while keys[length] == keys[0]:
-            length += 1
-    return length
 
 
 @part

@@ -119,10 +119,10 @@ def surface(g: Array, material: Array, n: int, table: MaterialTable, rich: bool 
 
 @part
 def run_length(keys: Array) -> int:
-    """How many keys at the beginning are equal; quick when all are."""
+    """How many keys (int32 or float32) at the beginning are equal; quick when all are."""
     differ = np.int32(0)
     for i in range(len(keys)):
-        differ = np.int32(differ | (keys[i] ^ keys[0]))
+        differ = np.int32(differ | np.int32(keys[i] != keys[0]))
     length = len(keys)
     if differ:
         length = 1
