@@ -33,8 +33,8 @@ from numba.extending import intrinsic
 from luxel.errors import InputError
 
 __all__ = [
-    "DISABLED", "array_data", "available_threads", "borrow", "cache_folder", "cgutils", "checked_threads", "compiled", "device", "inlined",
-    "intrinsic", "ir", "kernel", "on_compile", "parallel_kernel", "part", "run", "take", "types",
+    "DISABLED", "array_data", "available_threads", "borrow", "cache_folder", "cgutils", "checked_threads", "compiled", "count_bits", "device",
+    "inlined", "intrinsic", "ir", "kernel", "lowest_bit", "on_compile", "parallel_kernel", "part", "run", "take", "types",
 ]  # fmt: skip
 
 def _skip_blas_probe() -> None:
@@ -202,6 +202,14 @@ if DISABLED:
         """The float32 that has these bits, given as int32."""
         return np.int32(bits).view(np.float32)
 
+    def lowest_bit(bits: Any) -> int:
+        """The place of the lowest bit set of a uint64 that is not 0."""
+        return (int(bits) & -int(bits)).bit_length() - 1
+
+    def count_bits(bits: Any) -> int:
+        """How many bits of a uint64 are set."""
+        return int(bits).bit_count()
+
 else:
 
     def _without_owner(context: Any, builder: Any, kind: Any, value: Any) -> Any:
@@ -257,6 +265,24 @@ else:
             return builder.bitcast(arguments[0], context.get_value_type(types.float32))
 
         return types.float32(types.int32), codegen
+
+    @intrinsic
+    def lowest_bit(typingctx: Any, bits: Any) -> Any:
+        """The place of the lowest bit set of a uint64 that is not 0."""
+
+        def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 1))
+
+        return types.int64(types.uint64), codegen
+
+    @intrinsic
+    def count_bits(typingctx: Any, bits: Any) -> Any:
+        """How many bits of a uint64 are set."""
+
+        def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            return builder.ctpop(arguments[0])
+
+        return types.int64(types.uint64), codegen
 
 
 _pool: tuple[int, ThreadPoolExecutor] | None = None

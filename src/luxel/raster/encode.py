@@ -77,6 +77,12 @@ def unit_code(value: np.float32) -> np.int32:
     return np.int32(value * _FULL + _HALF)
 
 
+@inlined
+def pack(red: np.int32, green: np.int32, blue: np.int32, alpha: np.int32) -> np.uint32:
+    """A pixel of four codes: the bytes R G B A in memory on a little-endian machine."""
+    return np.uint32(np.int32(red | np.int32(green << _GREEN)) | np.int32(np.int32(blue << _BLUE) | np.int32(alpha << _ALPHA)))
+
+
 @part
 def encode(g: Array, n: int, exposure: np.float32, out: Array) -> None:
     """Write the first `n` fragments of a batch as pixels.
@@ -91,5 +97,4 @@ def encode(g: Array, n: int, exposure: np.float32, out: Array) -> None:
         red = srgb_code(g[OR + i] * exposure)
         green = srgb_code(g[OG + i] * exposure)
         blue = srgb_code(g[OB + i] * exposure)
-        alpha = unit_code(g[OA + i])
-        out[i] = np.uint32(np.int32(red | np.int32(green << _GREEN)) | np.int32(np.int32(blue << _BLUE) | np.int32(alpha << _ALPHA)))
+        out[i] = pack(red, green, blue, unit_code(g[OA + i]))

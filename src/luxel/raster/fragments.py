@@ -1,12 +1,10 @@
-"""Fragments: what is visible in a tile, in planar batches with their attributes. Floats decorate.
-
-Every tile's visible samples become fragments: one for a pixel and triangle, however many samples they share (or one for every sample when
-supersampling), at the pixel's centre if the triangle has all its samples, else at the mean of those it has, which lies inside it. Batches
-are planar, so that the arithmetic runs in vector registers; a run of fragments of one triangle is set up once.
+"""Fragments: the attributes of what is visible in a tile, in planar batches. Floats decorate.
 
 Perspective-correct barycentric coordinates come from the exact edge functions of the snapped corners: b_i = s_i / (s_0 + s_1 + s_2) with
-s_i = e_i / w_i (the paper on barycentric hardware, with the division by w added). The s_i are planes over the picture, evaluated from a
-point of the tile near the triangle. Derivatives per pixel are analytic: d(u) = (sum_i d(s_i) u_i - u sum_i d(s_i)) / sum_i s_i.
+s_i = e_i / w_i (the paper on barycentric hardware, with the division by w added). The s_i are planes over the picture, so
+sum_i s_i (u_i - u_0) is one for each attribute u, and u - u_0 is its quotient by the plane of sum_i s_i. A triangle is set up once in a tile:
+its planes are stored, from a point of the tile near the triangle; and its runs (see `runs`) are filled from them, eight fragments at a time.
+Derivatives per pixel are analytic: with a for the slope of u's plane and a_w for that of the sum W, du/dx = (a - (u - u_0) a_w) / W.
 """
 
 from __future__ import annotations
@@ -20,22 +18,17 @@ from luxel import jit
 from luxel.arrays import Array
 from luxel.raster.channels import (
     BATCH,
-    CB,
     CR,
     DXX,
     DYX,
-    FRAGMENTS,
     FRONT,
     FX,
-    FY,
-    FZ,
     NX,
     PITCH,
     PX,
     PY,
     PZ,
     TX,
-    TZ,
     U0,
     U0X,
     U0Y,
@@ -48,11 +41,13 @@ from luxel.raster.channels import (
 )  # fmt: skip
 from luxel.raster.lanes import prefetch
 from luxel.raster.materials import NEEDS_COLOR, NEEDS_FACE, NEEDS_NORMAL, NEEDS_TANGENT, NEEDS_UV0, NEEDS_UV1, NEEDS_VIEW
+from luxel.raster.rows import derivative, fill, inverse_ramp, ramp, scaled_ramp
 
 _F = np.float32
 
 NEEDS_POSITION = 1 << 30
 """Beside the materials' NEEDS_*: world positions, for lights that are somewhere and for views."""
+_DIVIDED = NEEDS_POSITION | NEEDS_VIEW | NEEDS_TANGENT | NEEDS_COLOR | NEEDS_UV0 | NEEDS_UV1
 
 
 class Eye(NamedTuple):
@@ -62,183 +57,29 @@ class Eye(NamedTuple):
     direction: Array
     parallel: bool
 
-class Fragments(NamedTuple):
-    """A batch before shading; (FRAGMENTS,) each: drawn triangle, pixel in the tile, row of the material table, the samples it has; and
-    for its runs of one triangle, (FRAGMENTS + 1,) the first fragment of each, and (FRAGMENTS, 4) source triangle and vertices."""
 
-    triangle: Array
-    pixel: Array
-    material: Array
-    mask: Array
-    head: Array
-    source: Array
-
-
-# Rows of the batch that only this file uses. Of fragments: place in the tile in pixels; s_i = e_i w_i; 1 / sum of s_i.
-QX, QY, S0, S1, S2, INVERSE = (BATCH + PITCH * row for row in range(6))
-# Of runs: corners (x, y in fixed point from the tile's corner, weight); planes of s_i: a 3, b 3, c 3; reference point in pixels; side seen.
-X0, Y0, W0, X1, Y1, W1, X2, Y2, W2 = (BATCH + PITCH * row for row in range(6, 15))
-A0, A1, A2, B0, B1, B2, C0, C1, C2, RX, RY, SIDE = (BATCH + PITCH * row for row in range(15, 27))
-SIZE = BATCH + 27 * PITCH
-# The same as unsigned numbers, for fast indexing, and so that the compiler makes one version of a function for all rows.
-_QX, _QY, _S0, _S1, _S2, _INVERSE, _FRONT = (np.uint64(row) for row in (QX, QY, S0, S1, S2, INVERSE, FRONT))
-_NX, _PX, _CR, _CB, _U0, _U0X, _U0Y, _U1, _U1X, _U1Y = (np.uint64(row) for row in (NX, PX, CR, CB, U0, U0X, U0Y, U1, U1X, U1Y))
-_TX, _TZ, _DXX, _DYX = (np.uint64(row) for row in (TX, TZ, DXX, DYX))
+# Rows of the batch that only this file uses. Of fragments: 1 / sum of s_i. Of triangles to set up: corners (x, y in fixed point from the
+# tile's corner, weight); planes of s_i: a 3, b 3, c 3; reference point in pixels; side seen.
+INVERSE = BATCH
+X0, Y0, W0, X1, Y1, W1, X2, Y2, W2 = (BATCH + PITCH * row for row in range(1, 10))
+A0, A1, A2, B0, B1, B2, C0, C1, C2, RX, RY, SIDE = (BATCH + PITCH * row for row in range(10, 22))
+SIZE = BATCH + 22 * PITCH
+# The same as unsigned numbers: Numba tests signed indices for being negative, which keeps the compiler from vectorising.
 _X0, _Y0, _W0, _X1, _Y1, _W1, _X2, _Y2, _W2 = (np.uint64(row) for row in (X0, Y0, W0, X1, Y1, W1, X2, Y2, W2))
 _A0, _A1, _A2, _B0, _B1, _B2, _C0, _C1, _C2 = (np.uint64(row) for row in (A0, A1, A2, B0, B1, B2, C0, C1, C2))
 _RX, _RY, _SIDE = (np.uint64(row) for row in (RX, RY, SIDE))
-_PITCH = np.uint64(PITCH)
-_FIRST, _THIRD, _TWO, _THREE = (np.int64(number) for number in (0, 2, 2, 3))
-_AHEAD = 8  # runs; so early are their vertices asked for
+_AHEAD = 8  # triangles; so early are their vertices asked for
 
-
-@jit.inlined
-def add_run(g, f, n, runs, t, pixel, x, y, count):
-    """Append `count` fragments of triangle `t`, at the centres of the pixels from (x, y) to the right; returns the number of runs.
-
-    Arrays are written in whole groups of eight, which vectorise without a remainder: what goes too far is written again by the next run.
-    """
-    triangle, pixels = f.triangle, f.pixel
-    if n == 0 or triangle[n - 1] != t:
-        f.head[runs] = n
-        runs += 1
-    first = np.uint64(n)
-    for k in range(first, np.uint64(n + ((count + 7) & ~7))):
-        step = np.int32(k - first)
-        triangle[k] = t
-        pixels[k] = np.int32(pixel + step)
-        g[_QX + k] = _F(x) + _F(0.5) + _F(step)
-        g[_QY + k] = _F(y) + _F(0.5)
-    return runs
-
-
-@jit.part
-def gather_pixels(g, f, cursor, ids, tile, wide, high):
-    """The fragments of the tile's rows from `cursor` on, one sample a pixel, until the batch is full.
-
-    Returns (fragments, runs of one triangle, next pixel).
-    """
-    n, runs = 0, 0
-    while cursor < tile * high and n + wide <= FRAGMENTS:
-        row, x = np.uint64(cursor), 0
-        while x < wide:
-            t = ids[row + np.uint64(x)]
-            first = x
-            x += 1
-            while x < wide and ids[row + np.uint64(x)] == t:
-                x += 1
-            if t >= 0:
-                runs = add_run(g, f, n, runs, t, cursor + first, first, cursor // tile, x - first)
-                n += x - first
-        cursor += tile
-    return n, runs, cursor
-
-
-@jit.part
-def gather_samples(g, f, cursor, ids, pattern, every_sample, tile, wide, high):
-    """The same for several samples a pixel, with the samples that each fragment has."""
-    n, runs, samples, pixels = 0, 0, len(pattern), tile * tile
-    triangle, pixel, mask, head = f.triangle, f.pixel, f.mask, f.head
-    differ = f.material  # the materials are not known yet: their place is free
-    last = tile * high
-    everything = ~np.uint64(0) >> np.uint64(64 - samples)
-    while cursor < last and n + samples <= FRAGMENTS:
-        x, y = cursor % tile, cursor // tile
-        row = np.uint64(cursor - x)
-        for k in range(np.uint64(0), np.uint64(wide)):
-            differ[k] = 1 if every_sample else 0
-        for s in range(1, samples):
-            plane = row + np.uint64(s * pixels)
-            for k in range(np.uint64(0), np.uint64(wide)):
-                differ[k] |= ids[plane + k] ^ ids[row + k]
-        while x < wide and n + samples <= FRAGMENTS:
-            here, first = np.int64(row) + x, x
-            t = ids[here]
-            x += 1
-            if differ[first] == 0:
-                while x < wide and differ[x] == 0 and ids[row + np.uint64(x)] == t and n + x - first < FRAGMENTS:
-                    x += 1
-                if t >= 0:
-                    runs = add_run(g, f, n, runs, t, here, first, y, x - first)
-                    mask[n : n + x - first] = everything
-                    n += x - first
-                continue
-            done = np.uint64(0)
-            for s in range(samples):
-                t = ids[s * pixels + here]
-                if t < 0 or done >> np.uint64(s) & np.uint64(1) != np.uint64(0):
-                    continue
-                bits, count, sum_x, sum_y = np.uint64(0), 0, 0, 0
-                for r in range(s, s + 1 if every_sample else samples):
-                    same = np.int64(ids[r * pixels + here] == t)
-                    bits |= np.uint64(same) << np.uint64(r)
-                    count += same
-                    sum_x += same * pattern[r, 0]
-                    sum_y += same * pattern[r, 1]
-                done |= bits
-                if n == 0 or triangle[n - 1] != t:
-                    head[runs] = n
-                    runs += 1
-                triangle[n], pixel[n], mask[n] = t, here, bits
-                share = _F(1 / 256) / _F(count)
-                g[QX + n], g[QY + n] = _F(first) + _F(sum_x) * share, _F(y) + _F(sum_y) * share
-                n += 1
-        cursor = np.int64(row) + (tile if x >= wide else x)
-    return n, runs, cursor
-
-
-# Loops below run over unsigned numbers: Numba tests signed indices for being negative, which keeps the compiler from vectorising.
-
-
-@jit.inlined
-def spread2(g, i, j, row, values, column, v):
-    """Two columns of an attribute of vertices `v` at fragments i .. j, divided by the sum of s_i."""
-    p0, p1, p2 = values[v[0], column], values[v[1], column], values[v[2], column]
-    q0, q1, q2 = values[v[0], column + 1], values[v[1], column + 1], values[v[2], column + 1]
-    p, q = row, row + _PITCH
-    for k in range(i, j):
-        s0, s1, s2, inverse = g[_S0 + k], g[_S1 + k], g[_S2 + k], g[_INVERSE + k]
-        g[p + k] = (s0 * p0 + s1 * p1 + s2 * p2) * inverse
-        g[q + k] = (s0 * q0 + s1 * q1 + s2 * q2) * inverse
-
-
-@jit.inlined
-def spread3(g, i, j, row, values, v):
-    """An attribute with three columns of vertices `v` at fragments i .. j, not divided by the sum of s_i."""
-    p0, p1, p2 = values[v[0], 0], values[v[1], 0], values[v[2], 0]
-    q0, q1, q2 = values[v[0], 1], values[v[1], 1], values[v[2], 1]
-    r0, r1, r2 = values[v[0], 2], values[v[1], 2], values[v[2], 2]
-    p, q, r = row, row + _PITCH, row + _PITCH + _PITCH
-    for k in range(i, j):
-        s0, s1, s2 = g[_S0 + k], g[_S1 + k], g[_S2 + k]
-        g[p + k] = s0 * p0 + s1 * p1 + s2 * p2
-        g[q + k] = s0 * q0 + s1 * q1 + s2 * q2
-        g[r + k] = s0 * r0 + s1 * r1 + s2 * r2
-
-
-@jit.inlined
-def divide3(g, i, j, row):
-    """Divide an attribute with three columns by the sum of s_i."""
-    p, q, r = row, row + _PITCH, row + _PITCH + _PITCH
-    for k in range(i, j):
-        inverse = g[_INVERSE + k]
-        g[p + k] *= inverse
-        g[q + k] *= inverse
-        g[r + k] *= inverse
-
-
-@jit.inlined
-def derive(g, i, j, row, x_row, y_row, values, columns, v, p, footprint):
-    """Derivatives per pixel (times `footprint`) along x and y of the divided attribute in `row`."""
-    sum_a, sum_b = p[0] + p[1] + p[2], p[3] + p[4] + p[5]
-    for column in range(columns):
-        p0, p1, p2 = values[v[0], column], values[v[1], column], values[v[2], column]
-        a, b = p[0] * p0 + p[1] * p1 + p[2] * p2, p[3] * p0 + p[4] * p1 + p[5] * p2
-        shift = np.uint64(column) * _PITCH
-        for k in range(i, j):
-            scale, here = g[_INVERSE + k] * footprint, g[row + shift + k]
-            g[x_row + shift + k] = (a - here * sum_a) * scale
-            g[y_row + shift + k] = (b - here * sum_b) * scale
+# Columns of what is stored of a triangle that is set up: reference point and side; plane of W (a, b, c); then for each column of an attribute
+# its plane (a, b, c) and its value at corner 0.
+AT_X, AT_Y, AT_SIDE, WEIGHT, NORMAL = 0, 1, 2, 3, 6
+POSITION = NORMAL + 4 * 3
+COLOR = POSITION + 4 * 3
+TEXCOORD0 = COLOR + 4 * 4
+TEXCOORD1 = TEXCOORD0 + 4 * 2
+TANGENT = TEXCOORD1 + 4 * 2
+FACE = TANGENT + 4 * 4
+STORED = FACE + 3
 
 
 @jit.inlined
@@ -289,57 +130,38 @@ def find_part(starts, t):
     return low
 
 
-@jit.inlined
-def face_normal(g, i, j, positions, v):
-    """Geometric normal of the triangle, by its winding."""
-    a, b, c = v
-    ux, uy, uz = positions[b, 0] - positions[a, 0], positions[b, 1] - positions[a, 1], positions[b, 2] - positions[a, 2]
-    vx, vy, vz = positions[c, 0] - positions[a, 0], positions[c, 1] - positions[a, 1], positions[c, 2] - positions[a, 2]
-    for k in range(i, j):
-        g[FX + k], g[FY + k], g[FZ + k] = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-
-
 @jit.part
-def load_runs(g, f, n, runs, px, py, triangles, screen, screen_f, clipped_source, clipped_screen, clipped_f, normals):
-    """Load the corners of the runs' triangles."""
+def load_corners(g, count, drawn, sources, px, py, triangles, screen, screen_f, clipped_source, clipped_screen, clipped_f, normals):
+    """Load the corners of `count` triangles into the batch, and their source triangle and vertices into `sources` (>= count, 4) int32."""
     m = len(triangles)
-    ox, oy = np.int64(px * 256), np.int64(py * 256)
-    triangle, head, source = f.triangle, f.head, f.source
-    head[runs] = n
-    for run in range(runs):
-        t = triangle[head[run]]
-        if run + _AHEAD < runs:
-            ahead = triangle[head[run + _AHEAD]]
-            if ahead < m:
-                for k in range(3):
-                    vertex = np.int64(triangles[ahead, k])
-                    prefetch(screen, vertex * 4)
-                    prefetch(normals, vertex * 3)
-        if run + 2 * _AHEAD < runs:
-            ahead = triangle[head[run + 2 * _AHEAD]]
-            if ahead < m:
-                prefetch(triangles, np.int64(ahead) * 3)
-        if t < m:
-            a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-            source[run, 0] = t
-            g[X0 + run], g[Y0 + run], g[W0 + run] = _F(screen[a, 0] - ox), _F(screen[a, 1] - oy), screen_f[a, 3]
-            g[X1 + run], g[Y1 + run], g[W1 + run] = _F(screen[b, 0] - ox), _F(screen[b, 1] - oy), screen_f[b, 3]
-            g[X2 + run], g[Y2 + run], g[W2 + run] = _F(screen[c, 0] - ox), _F(screen[c, 1] - oy), screen_f[c, 3]
+    ox, oy = np.int32(px * 256), np.int32(py * 256)
+    for i in range(count):
+        t = drawn[i]
+        source = t if t < m else clipped_source[t - m]
+        sources[i, 0] = source
+        for k in range(3):
+            vertex = triangles[source, k]
+            sources[i, k + 1] = vertex
+            prefetch(screen, np.int64(vertex) * 4)
+            prefetch(normals, np.int64(vertex) * 3)
+    for i in range(np.uint64(0), np.uint64(count)):
+        if drawn[i] < m:
+            a, b, c = np.uint64(sources[i, 1]), np.uint64(sources[i, 2]), np.uint64(sources[i, 3])
+            g[_X0 + i], g[_Y0 + i], g[_W0 + i] = _F(np.int32(screen[a, 0] - ox)), _F(np.int32(screen[a, 1] - oy)), screen_f[a, 3]
+            g[_X1 + i], g[_Y1 + i], g[_W1 + i] = _F(np.int32(screen[b, 0] - ox)), _F(np.int32(screen[b, 1] - oy)), screen_f[b, 3]
+            g[_X2 + i], g[_Y2 + i], g[_W2 + i] = _F(np.int32(screen[c, 0] - ox)), _F(np.int32(screen[c, 1] - oy)), screen_f[c, 3]
         else:
-            k, whole = t - m, clipped_source[t - m]
-            a, b, c = triangles[whole, 0], triangles[whole, 1], triangles[whole, 2]
-            source[run, 0] = whole
+            k = drawn[i] - m
             for corner in range(3):
-                row = X0 + 3 * corner * PITCH + run
-                g[row], g[row + PITCH] = _F(clipped_screen[k, corner, 0] - ox), _F(clipped_screen[k, corner, 1] - oy)
-                g[row + 2 * PITCH] = clipped_f[k, corner, 3]
-        source[run, 1], source[run, 2], source[run, 3] = a, b, c
+                row = np.uint64(X0 + 3 * corner * PITCH) + i
+                g[row], g[row + np.uint64(PITCH)] = _F(clipped_screen[k, corner, 0] - ox), _F(clipped_screen[k, corner, 1] - oy)
+                g[row + np.uint64(2 * PITCH)] = clipped_f[k, corner, 3]
 
 
 @jit.part
-def set_up_runs(g, runs, extent):
-    """Planes of s_i of all runs at once; see `planes`."""
-    for k in range(np.uint64(0), np.uint64(runs)):
+def find_planes(g, count, extent):
+    """Planes of s_i of `count` triangles at once; see `planes`."""
+    for k in range(np.uint64(0), np.uint64(count)):
         p, rx, ry, front = planes(
             np.float64(g[_X0 + k]), np.float64(g[_Y0 + k]), np.float64(g[_W0 + k]), np.float64(g[_X1 + k]), np.float64(g[_Y1 + k]),
             np.float64(g[_W1 + k]), np.float64(g[_X2 + k]), np.float64(g[_Y2 + k]), np.float64(g[_W2 + k]), extent,
@@ -348,63 +170,131 @@ def set_up_runs(g, runs, extent):
         g[_C0 + k], g[_C1 + k], g[_C2 + k], g[_RX + k], g[_RY + k], g[_SIDE + k] = p[6], p[7], p[8], rx, ry, front
 
 
+@jit.inlined
+def store(record, column, p, values, k, a, b, c):
+    """Store the plane of column `k` of an attribute, to be divided by W, less its value at corner 0."""
+    origin = values[a, k]
+    u, v = values[b, k] - origin, values[c, k] - origin
+    record[column] = p[1] * u + p[2] * v
+    record[column + 1] = p[4] * u + p[5] * v
+    record[column + 2] = p[7] * u + p[8] * v
+    record[column + 3] = origin
+
+
+@jit.inlined
+def store_normal(record, p, normals, a, b, c):
+    """Store the planes of the normal, which may have any length: it is not divided, so it needs no W."""
+    for k in range(3):
+        n0, n1, n2 = normals[a, k], normals[b, k], normals[c, k]
+        record[NORMAL + 4 * k] = p[0] * n0 + p[1] * n1 + p[2] * n2
+        record[NORMAL + 4 * k + 1] = p[3] * n0 + p[4] * n1 + p[5] * n2
+        record[NORMAL + 4 * k + 2] = p[6] * n0 + p[7] * n1 + p[8] * n2
+
+
+@jit.inlined
+def store_face(record, positions, a, b, c):
+    """Store the geometric normal of the triangle, by its winding."""
+    ux, uy, uz = positions[b, 0] - positions[a, 0], positions[b, 1] - positions[a, 1], positions[b, 2] - positions[a, 2]
+    vx, vy, vz = positions[c, 0] - positions[a, 0], positions[c, 1] - positions[a, 1], positions[c, 2] - positions[a, 2]
+    record[FACE], record[FACE + 1], record[FACE + 2] = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+
+
 @jit.part
-def attributes(g, f, n, runs, px, py, tile, geometry, screen, screen_f, clipped, clipped_f, features, footprint, eye, rich):
-    """Fill the rows of a batch that `features` asks for, a run of fragments of one triangle at a time."""
-    triangles, starts, triangle, material = geometry.triangles, geometry.part_start, f.triangle, f.material
+def set_up(g, first, last, setups, px, py, tile, geometry, screen, screen_f, clipped, clipped_f, features, rich):
+    """Store the planes of the triangles that are set up at first .. last - 1."""
     positions, normals, colors, tangents = geometry.positions, geometry.normals, geometry.colors, geometry.tangents
     texcoords, texcoords1, part_material = geometry.texcoords, geometry.texcoords1, geometry.part_material
-    m, part, parts, head, source = len(triangles), 0, len(part_material), f.head, f.source
-    divided = features & (NEEDS_POSITION | NEEDS_VIEW | NEEDS_TANGENT | NEEDS_COLOR | NEEDS_UV0 | NEEDS_UV1) != 0
-    if parts == 1:
-        material[:n] = part_material[0]
-    load_runs(g, f, n, runs, px, py, triangles, screen, screen_f, clipped.source, clipped.screen, clipped_f, normals)
-    set_up_runs(g, runs, np.float64(tile * 256))
-    for run in range(runs):
-        i, j, t = head[run], head[run + 1], triangle[head[run]]
-        p = (g[A0 + run], g[A1 + run], g[A2 + run], g[B0 + run], g[B1 + run], g[B2 + run], g[C0 + run], g[C1 + run], g[C2 + run])
-        if t >= m:
-            p = source_planes(p, clipped.corners[t - m])
-        rx, ry, front = g[RX + run], g[RY + run], g[SIDE + run]
-        v = source[run, 1], source[run, 2], source[run, 3]
-        # In whole groups of eight, as in `add_run`.
-        first, last = np.uint64(i), np.uint64(i + ((j - i + 7) & ~7))
-        if parts > 1:
-            if source[run, 0] < starts[part] or source[run, 0] >= starts[part + 1]:
-                part = find_part(starts, source[run, 0])
-            for k in range(first, last):
-                material[k] = part_material[part]
-        for k in range(first, last):
-            dx, dy = g[_QX + k] - rx, g[_QY + k] - ry
-            g[_S0 + k] = p[0] * dx + p[3] * dy + p[6]
-            g[_S1 + k] = p[1] * dx + p[4] * dy + p[7]
-            g[_S2 + k] = p[2] * dx + p[5] * dy + p[8]
-            g[_FRONT + k] = front
-        if divided:
-            for k in range(first, last):
-                g[_INVERSE + k] = _F(1.0) / (g[_S0 + k] + g[_S1 + k] + g[_S2 + k])
-        if features & NEEDS_NORMAL:  # of any length: no division
-            spread3(g, first, last, _NX, normals, v)
+    drawn, sources, starts, part, m = setups.triangle[first:], setups.sources, geometry.part_start, 0, len(geometry.triangles)
+    load_corners(g, last - first, drawn, sources, px, py, geometry.triangles, screen, screen_f, clipped.source, clipped.screen, clipped_f, normals)
+    find_planes(g, last - first, np.float64(tile * 256))
+    for i in range(np.uint64(0), np.uint64(last - first)):
+        record = setups.stored[np.uint64(first) + i]
+        p = (g[_A0 + i], g[_A1 + i], g[_A2 + i], g[_B0 + i], g[_B1 + i], g[_B2 + i], g[_C0 + i], g[_C1 + i], g[_C2 + i])
+        if drawn[i] >= m:
+            p = source_planes(p, clipped.corners[drawn[i] - m])
+        source, a, b, c = sources[i, 0], np.uint64(sources[i, 1]), np.uint64(sources[i, 2]), np.uint64(sources[i, 3])
+        if source < starts[part] or source >= starts[part + 1]:
+            part = find_part(starts, source)
+        setups.material[np.uint64(first) + i] = part_material[part]
+        record[AT_X], record[AT_Y], record[AT_SIDE] = g[_RX + i], g[_RY + i], g[_SIDE + i]
+        if features & NEEDS_NORMAL:
+            store_normal(record, p, normals, a, b, c)
+        if features & _DIVIDED:
+            record[WEIGHT], record[WEIGHT + 1], record[WEIGHT + 2] = p[0] + p[1] + p[2], p[3] + p[4] + p[5], p[6] + p[7] + p[8]
         if features & (NEEDS_POSITION | NEEDS_VIEW | NEEDS_TANGENT):
-            spread3(g, first, last, _PX, positions, v)
-            divide3(g, first, last, _PX)
+            for k in range(3):
+                store(record, POSITION + 4 * k, p, positions, k, a, b, c)
         if features & NEEDS_FACE:
-            face_normal(g, first, last, positions, v)
+            store_face(record, positions, a, b, c)
         if features & NEEDS_COLOR:
-            spread2(g, first, last, _CR, colors, _FIRST, v)
-            spread2(g, first, last, _CB, colors, _THIRD, v)
+            for k in range(4):
+                store(record, COLOR + 4 * k, p, colors, k, a, b, c)
         if rich is not None:
             if features & NEEDS_UV0:
-                spread2(g, first, last, _U0, texcoords, _FIRST, v)
-                derive(g, first, last, _U0, _U0X, _U0Y, texcoords, _TWO, v, p, footprint)
+                for k in range(2):
+                    store(record, TEXCOORD0 + 4 * k, p, texcoords, k, a, b, c)
             if features & NEEDS_UV1:
-                spread2(g, first, last, _U1, texcoords1, _FIRST, v)
-                derive(g, first, last, _U1, _U1X, _U1Y, texcoords1, _TWO, v, p, footprint)
-            if features & NEEDS_TANGENT:
-                if len(tangents) > 0:
-                    spread2(g, first, last, _TX, tangents, _FIRST, v)
-                    spread2(g, first, last, _TZ, tangents, _THIRD, v)
-                derive(g, first, last, _PX, _DXX, _DYX, positions, _THREE, v, p, footprint)
+                for k in range(2):
+                    store(record, TEXCOORD1 + 4 * k, p, texcoords1, k, a, b, c)
+            if features & NEEDS_TANGENT and len(tangents) > 0:
+                for k in range(4):
+                    store(record, TANGENT + 4 * k, p, tangents, k, a, b, c)
+
+
+@jit.inlined
+def spread(g, i, count, row, record, column, columns, x, dy):
+    """The first `columns` columns of an attribute at `count` fragments from `i` on, from x, dy on, divided by W."""
+    for k in range(columns):
+        at = column + 4 * k
+        scaled_ramp(g, row + k * PITCH + i, count, INVERSE + i, x, record[at], record[at + 1] * dy + record[at + 2], record[at + 3])
+
+
+@jit.inlined
+def derive(g, i, count, row, x_row, y_row, record, column, columns, footprint):
+    """Derivatives per pixel (times `footprint`) along x and y of the attribute that is in `row`."""
+    for k in range(columns):
+        at, here = column + 4 * k, row + k * PITCH + i
+        derivative(g, x_row + k * PITCH + i, count, INVERSE + i, here, record[at + 3], record[at], record[WEIGHT], footprint)
+        derivative(g, y_row + k * PITCH + i, count, INVERSE + i, here, record[at + 3], record[at + 1], record[WEIGHT + 1], footprint)
+
+
+@jit.part
+def attributes(g, r, runs, n, material, setups, parts, tangents, features, footprint, eye, rich):
+    """Fill the rows of a batch that `features` asks for, and `material` (FRAGMENTS,) int32, run by run."""
+    r.head[runs] = n
+    for run in range(np.uint64(0), np.uint64(runs)):
+        i, setup = np.int64(r.head[run]), np.uint64(r.setup[run])
+        count, record = np.int64(r.head[run + np.uint64(1)]) - i, setups.stored[setup]
+        x, dy = r.x[run] - record[AT_X], r.y[run] - record[AT_Y]
+        if parts > 1:
+            row = setups.material[setup]
+            for k in range(i, i + count):
+                material[k] = row
+        fill(g, FRONT + i, count, record[AT_SIDE])
+        if features & NEEDS_NORMAL:
+            for k in range(3):
+                at = NORMAL + 4 * k
+                ramp(g, NX + k * PITCH + i, count, x, record[at], record[at + 1] * dy + record[at + 2])
+        if features & NEEDS_FACE:
+            for k in range(3):
+                fill(g, FX + k * PITCH + i, count, record[FACE + k])
+        if features & _DIVIDED:
+            inverse_ramp(g, INVERSE + i, count, x, record[WEIGHT], record[WEIGHT + 1] * dy + record[WEIGHT + 2])
+            if features & (NEEDS_POSITION | NEEDS_VIEW | NEEDS_TANGENT):
+                spread(g, i, count, PX, record, POSITION, 3, x, dy)
+            if features & NEEDS_COLOR:
+                spread(g, i, count, CR, record, COLOR, 4, x, dy)
+            if rich is not None:
+                if features & NEEDS_UV0:
+                    spread(g, i, count, U0, record, TEXCOORD0, 2, x, dy)
+                    derive(g, i, count, U0, U0X, U0Y, record, TEXCOORD0, 2, footprint)
+                if features & NEEDS_UV1:
+                    spread(g, i, count, U1, record, TEXCOORD1, 2, x, dy)
+                    derive(g, i, count, U1, U1X, U1Y, record, TEXCOORD1, 2, footprint)
+                if features & NEEDS_TANGENT:
+                    if tangents:
+                        spread(g, i, count, TX, record, TANGENT, 4, x, dy)
+                    derive(g, i, count, PX, DXX, DYX, record, POSITION, 3, footprint)
     if features & NEEDS_VIEW:
         view_vectors(g, n, eye)
 

@@ -13,17 +13,19 @@ import numpy as np
 
 from luxel import jit
 from luxel.arrays import Array
+from luxel.jit import count_bits, lowest_bit
 from luxel.raster.bin import Bins, Clipped
-from luxel.raster.channels import CR, FRAGMENTS, FRONT, NX, OA, OB, OG, OR, PITCH, PX
-from luxel.raster.encode import encode, srgb_code, unit_code
-from luxel.raster.fragments import SIZE, Eye, Fragments, attributes, gather_pixels, gather_samples, view_vectors
+from luxel.raster.channels import CR, EB, EG, ER, FRAGMENTS, FRONT, LE, NX, OA, OB, OG, OR, PITCH, PX
+from luxel.raster.encode import encode, pack, srgb_code, unit_code
+from luxel.raster.fragments import SIZE, STORED, Eye, attributes, set_up, view_vectors
 from luxel.raster.geometry import Geometry
 from luxel.raster.lighting import LightTable, light
 from luxel.raster.materials import MaterialTable
+from luxel.raster.rows import WORD
+from luxel.raster.runs import SETUPS, Runs, Setups, gather
 from luxel.raster.surface import surface
 
 _F = np.float32
-_GREEN, _BLUE, _ALPHA = np.int32(8), np.int32(16), np.int32(24)
 
 
 class Target(NamedTuple):
@@ -41,60 +43,91 @@ class Target(NamedTuple):
 
 
 @jit.part
-def write_opaque(g, pixel, n, tile, exposure, codes, color, top, left):
-    """Write the fragments, one a pixel and opaque, straight to the picture; `codes` (FRAGMENTS,) uint32 is scratch."""
-    encode(g, n, exposure, codes)
-    log2 = 0
-    while tile >> (log2 + 1):
-        log2 += 1
-    for i in range(np.uint64(0), np.uint64(n)):
-        y = np.int64(pixel[i]) >> log2
-        color[np.uint64(top + y), np.uint64(left + (np.int64(pixel[i]) & (tile - 1)))] = codes[i]
-
-
-@jit.part
-def set_pixels(g, pixel, n, pixels, sums):
-    """Put the fragments, one a pixel, into `sums` (4 * pixels,), premultiplied."""
-    for i in range(n):
-        p, alpha = pixel[i], g[OA + i]
-        sums[p], sums[pixels + p] = g[OR + i] * alpha, g[OG + i] * alpha
-        sums[2 * pixels + p], sums[3 * pixels + p] = g[OB + i] * alpha, alpha
-
-
-@jit.part
-def add_to_pixels(g, f, n, samples, pixels, sums):
-    """Add the fragments to `sums` (4 * pixels,), each by its share of the pixel's samples, premultiplied."""
-    pixel, mask = f.pixel, f.mask
+def write_opaque(g, r, runs, n, samples, tile, exposure, background, codes, color, top, left):
+    """Write opaque fragments straight to the picture, over the background where they have not all samples of their pixel; `codes`
+    (FRAGMENTS,) uint32 is scratch."""
+    log2 = lowest_bit(np.uint64(tile))
     everything = ~np.uint64(0) >> np.uint64(64 - samples)
-    for i in range(n):
-        share, rest = 0, mask[i]
-        if rest == everything:
-            share = samples
+    encode(g, n, exposure, codes)
+    run, edges = 0, 0
+    while run < runs:
+        first, pixel = np.int64(r.head[run]), np.int64(r.pixel[run])
+        y, x = pixel >> log2, pixel & (tile - 1)
+        if r.mask[run] == everything:
+            end = pixel + r.head[run + 1] - first
+            run += 1
+            while run < runs and r.pixel[run] == end and end & (tile - 1) != 0 and r.mask[run] == everything:
+                end += r.head[run + 1] - r.head[run]
+                run += 1
+            row = color[np.uint64(top + y)]
+            for k in range(np.uint64(0), np.uint64(end - pixel)):
+                row[np.uint64(left + x) + k] = codes[np.uint64(first) + k]
         else:
-            while rest != np.uint64(0):
-                rest &= rest - np.uint64(1)
-                share += 1
-        p, alpha = pixel[i], g[OA + i] * (_F(share) / _F(samples))
-        sums[p] += g[OR + i] * alpha
-        sums[pixels + p] += g[OG + i] * alpha
-        sums[2 * pixels + p] += g[OB + i] * alpha
-        sums[3 * pixels + p] += alpha
+            # Fragments of one pixel follow each other. Their sums take the place of light's scratch, at the number of the pixel.
+            alpha = red = green = blue = _F(0.0)
+            while run < runs and r.pixel[run] == pixel:
+                share = _F(count_bits(r.mask[run])) * (_F(1.0) / _F(samples))
+                k = np.uint64(r.head[run])
+                red, green, blue = red + g[np.uint64(OR) + k] * share, green + g[np.uint64(OG) + k] * share, blue + g[np.uint64(OB) + k] * share
+                alpha += share
+                run += 1
+            k = np.uint64(edges)
+            g[np.uint64(ER) + k], g[np.uint64(EG) + k], g[np.uint64(EB) + k], g[np.uint64(LE) + k] = red, green, blue, alpha
+            r.edge[k] = pixel
+            edges += 1
+    lay_over(g, edges, exposure, background, codes)
+    for k in range(np.uint64(0), np.uint64(edges)):
+        pixel = np.int64(r.edge[k])
+        color[np.uint64(top + (pixel >> log2)), np.uint64(left + (pixel & (tile - 1)))] = codes[k]
 
 
 @jit.part
-def lay_over_samples(g, f, n, samples, pixels, colors):
-    """Composite the fragments over what their samples hold, premultiplied; `colors` (4 * samples * pixels,)."""
-    plane = samples * pixels
-    for i in range(n):
-        alpha = g[OA + i]
+def lay_over(g, n, exposure, background, codes):
+    """Encode `n` pixels, premultiplied in ER EG EB and LE (alpha), over the background."""
+    br, bg, bb, ba = background[0], background[1], background[2], background[3]
+    for k in range(np.uint64(0), np.uint64(n)):
+        alpha = g[np.uint64(LE) + k]
         under = _F(1.0) - alpha
-        for s in range(samples):
-            if f.mask[i] >> np.uint64(s) & np.uint64(1) != np.uint64(0):
-                p = s * pixels + f.pixel[i]
-                colors[p] = g[OR + i] * alpha + colors[p] * under
-                colors[plane + p] = g[OG + i] * alpha + colors[plane + p] * under
-                colors[2 * plane + p] = g[OB + i] * alpha + colors[2 * plane + p] * under
-                colors[3 * plane + p] = alpha + colors[3 * plane + p] * under
+        alpha = alpha + under * ba
+        inverse = _F(1.0) / max(alpha, _F(1e-30))
+        red = srgb_code((g[np.uint64(ER) + k] * exposure + under * br) * inverse)
+        green = srgb_code((g[np.uint64(EG) + k] * exposure + under * bg) * inverse)
+        blue = srgb_code((g[np.uint64(EB) + k] * exposure + under * bb) * inverse)
+        codes[k] = pack(red, green, blue, unit_code(alpha))
+
+
+@jit.part
+def add_to_pixels(g, r, runs, samples, pixels, sums):
+    """Add the fragments to `sums` (4 * pixels,), each by its share of the pixel's samples, premultiplied."""
+    for run in range(runs):
+        share = _F(count_bits(r.mask[run])) * (_F(1.0) / _F(samples))
+        first, count, pixel = np.uint64(r.head[run]), np.uint64(r.head[run + 1] - r.head[run]), np.uint64(r.pixel[run])
+        for k in range(np.uint64(0), count):
+            i, p = first + k, pixel + k
+            alpha = g[np.uint64(OA) + i] * share
+            sums[p] += g[np.uint64(OR) + i] * alpha
+            sums[np.uint64(pixels) + p] += g[np.uint64(OG) + i] * alpha
+            sums[np.uint64(2 * pixels) + p] += g[np.uint64(OB) + i] * alpha
+            sums[np.uint64(3 * pixels) + p] += alpha
+
+
+@jit.part
+def lay_over_samples(g, r, runs, samples, pixels, colors):
+    """Composite the fragments over what their samples hold, premultiplied; `colors` (4 * samples * pixels,)."""
+    plane = np.uint64(samples * pixels)
+    for run in range(runs):
+        first, count, rest = np.uint64(r.head[run]), np.uint64(r.head[run + 1] - r.head[run]), r.mask[run]
+        while rest != np.uint64(0):
+            start = np.uint64(lowest_bit(rest) * pixels + r.pixel[run])
+            rest &= rest - np.uint64(1)
+            for k in range(np.uint64(0), count):
+                i, p = first + k, start + k
+                alpha = g[np.uint64(OA) + i]
+                under = _F(1.0) - alpha
+                colors[p] = g[np.uint64(OR) + i] * alpha + colors[p] * under
+                colors[plane + p] = g[np.uint64(OG) + i] * alpha + colors[plane + p] * under
+                colors[plane + plane + p] = g[np.uint64(OB) + i] * alpha + colors[plane + plane + p] * under
+                colors[plane + plane + plane + p] = alpha + colors[plane + plane + plane + p] * under
 
 
 @jit.part
@@ -120,9 +153,7 @@ def write_row(sums, first, plane, y, left, count, exposure, background, color, l
             red = srgb_code((sums[p] * exposure + under * br) * inverse)
             green = srgb_code((sums[np.uint64(plane) + p] * exposure + under * bg) * inverse)
             blue = srgb_code((sums[np.uint64(2 * plane) + p] * exposure + under * bb) * inverse)
-            row[np.uint64(left + x)] = np.uint32(
-                np.int32(red | np.int32(green << _GREEN)) | np.int32(np.int32(blue << _BLUE) | np.int32(unit_code(alpha) << _ALPHA))
-            )
+            row[np.uint64(left + x)] = pack(red, green, blue, unit_code(alpha))
 
 
 @jit.part
@@ -144,16 +175,21 @@ def _shade(queue, first_tile, last_tile, across, tile, width, height, occupied, 
     screen, screen_f, clipped_f, pattern = jit.borrow(screen), jit.borrow(screen_f), jit.borrow(clipped_f), jit.borrow(pattern)
     ids, eye, background, target = jit.borrow(all_ids), jit.borrow(eye), jit.borrow(background), jit.borrow(target)
     samples, pixels = len(pattern), tile * tile
-    own_g, own_sums = np.zeros(SIZE, np.float32), np.zeros(4 * pixels, np.float32)
-    own_f = Fragments(
-        np.zeros(FRAGMENTS + 8, np.int32), np.zeros(FRAGMENTS + 8, np.int32), np.zeros(FRAGMENTS + 8, np.int32), np.ones(FRAGMENTS, np.uint64),
-        np.zeros(FRAGMENTS + 1, np.int32), np.zeros((FRAGMENTS, 4), np.int32),
-    )
-    g, sums, f = jit.borrow(own_g), jit.borrow(own_sums), jit.borrow(own_f)
-    own_codes = np.zeros(FRAGMENTS, np.uint32)
-    codes = jit.borrow(own_codes)
+    own_g, own_sums, own_codes = np.zeros(SIZE, np.float32), np.zeros(4 * pixels, np.float32), np.zeros(FRAGMENTS, np.uint32)
+    own_runs = Runs(
+        np.zeros(FRAGMENTS + 1, np.int32), np.zeros(FRAGMENTS, np.int32), np.zeros(FRAGMENTS, np.int32), np.zeros(FRAGMENTS, np.uint64),
+        np.zeros(FRAGMENTS, np.float32), np.zeros(FRAGMENTS, np.float32), np.zeros(FRAGMENTS, np.int32),
+    )  # fmt: skip
+    own_setups = Setups(
+        np.zeros(SETUPS, np.int32), np.zeros(SETUPS, np.int32), np.zeros((SETUPS, STORED), np.float32), np.zeros(2 * SETUPS, np.int32),
+        np.zeros((FRAGMENTS, 4), np.int32), np.zeros(WORD, np.int32),
+    )  # fmt: skip
+    own_material = np.full(FRAGMENTS, geometry.part_material[0] if len(geometry.part_material) > 0 else 0, np.int32)
+    g, sums, codes, r, setups = jit.borrow(own_g), jit.borrow(own_sums), jit.borrow(own_codes), jit.borrow(own_runs), jit.borrow(own_setups)
+    material, parts, tangents = jit.borrow(own_material), len(geometry.part_material), len(geometry.tangents) > 0
+    planes = samples if every_sample else 1
     to_samples = len(target.samples) > 0
-    direct = samples == 1 and not to_samples and len(target.linear) == 0  # nothing is blended: no sums are needed
+    direct = (samples == 1 or not every_sample) and not to_samples and len(target.linear) == 0  # all is opaque: no sums are needed
     number = first_tile + jit.take(queue)
     while number < last_tile:
         slot = number - first_tile
@@ -167,27 +203,28 @@ def _shade(queue, first_tile, last_tile, across, tile, width, height, occupied, 
             sums[:] = _F(0.0)
         if direct:
             write_tile(sums, True, tile, left + px, top + py, wide, high, exposure, background, target.color, target.linear)
-        cursor = tile * high if empty else 0
-        while cursor < tile * high:
-            if samples == 1:
-                n, runs, cursor = gather_pixels(g, f, cursor, ids[slot], tile, wide, high)
-            else:
-                n, runs, cursor = gather_samples(g, f, cursor, ids[slot], pattern, every_sample, tile, wide, high)
-            attributes(g, f, n, runs, px, py, tile, geometry, screen, screen_f, clipped, clipped_f, features, footprint, eye, rich)
-            surface(g, f.material, n, materials, rich)
+        count, plane, cursor = 0, planes if empty else 0, 0
+        while plane < planes:
+            if count + FRAGMENTS > SETUPS:
+                count = 0
+            known = count
+            n, runs, count, plane, cursor = gather(r, setups, count, plane, cursor, ids[slot], pattern, every_sample, tile, wide, high,
+                                                   geometry.triangles)  # fmt: skip
+            set_up(g, known, count, setups, px, py, tile, geometry, screen, screen_f, clipped, clipped_f, features, rich)
+            attributes(g, r, runs, n, material, setups, parts, tangents, features, footprint, eye, rich)
+            surface(g, material, n, materials, rich)
             light(g, n, lights, rich)
             if to_samples:
-                lay_over_samples(g, f, n, samples, pixels, target.samples[slot])
+                lay_over_samples(g, r, runs, samples, pixels, target.samples[slot])
             elif direct:
-                write_opaque(g, f.pixel, n, tile, exposure, codes, target.color, top + py, left + px)
-            elif samples == 1:
-                set_pixels(g, f.pixel, n, pixels, sums)
+                write_opaque(g, r, runs, n, samples, tile, exposure, background, codes, target.color, top + py, left + px)
             else:
-                add_to_pixels(g, f, n, samples, pixels, sums)
+                add_to_pixels(g, r, runs, samples, pixels, sums)
         if not to_samples and not direct:
             write_tile(sums, empty, tile, left + px, top + py, wide, high, exposure, background, target.color, target.linear)
         number = first_tile + jit.take(queue)
-    own_g[0] = own_sums[0] + own_f.triangle[0] + own_codes[0]  # the scratch must live until here: borrowing does not keep it
+    # The scratch must live until here: borrowing does not keep it.
+    own_g[0] = own_sums[0] + own_runs.head[0] + own_setups.table[0] + own_codes[0] + own_material[0]
 
 
 def shade(bins: Bins, occupied: Array, first_tile: int, last_tile: int, width: int, height: int, ids: Array, pattern: Array,

@@ -1,0 +1,174 @@
+"""Runs of fragments, eight at a time, in LLVM's vector instructions: finding them in a row of ids, and filling rows of a batch for them.
+
+Runs are short (a triangle's width), too short for the compiler's vectoriser, whose loops take 32 elements a turn and the rest one by one.
+Whole groups of eight are written: what goes beyond a run is written again by the next. So rows need `LANES` spare elements.
+"""
+
+from __future__ import annotations
+
+from luxel import jit
+from luxel.raster.lanes import LANES
+
+WORD = 64
+"""Pixels that one mask of `ends_of_runs` tells of."""
+
+if jit.DISABLED:
+    import numpy as np
+
+    def ends_of_runs(ids, first, count):
+        """Bits k of `count` <= 64 pixels where id k differs from id k + 1."""
+        return np.uint64(sum(1 << k for k in range(count) if ids[first + k] != ids[first + k + 1]))
+
+    def where_set(flags, count):
+        """Bits k of `count` <= 64 numbers that are not 0."""
+        return np.uint64(sum(1 << k for k in range(count) if flags[k] != 0))
+
+    def fill(g, first, count, value):
+        """g[first + k] = value."""
+        g[first : first + count] = value
+
+    def ramp(g, first, count, x, slope, base):
+        """g[first + k] = slope * (x + k) + base."""
+        for k in range(count):
+            g[first + k] = slope * (x + np.float32(k)) + base
+
+    def inverse_ramp(g, first, count, x, slope, base):
+        """g[first + k] = 1 / (slope * (x + k) + base)."""
+        for k in range(count):
+            g[first + k] = np.float32(1) / (slope * (x + np.float32(k)) + base)
+
+    def scaled_ramp(g, first, count, scale, x, slope, base, origin):
+        """g[first + k] = (slope * (x + k) + base) * g[scale + k] + origin."""
+        for k in range(count):
+            g[first + k] = (slope * (x + np.float32(k)) + base) * g[scale + k] + origin
+
+    def derivative(g, first, count, scale, value, origin, slope, slope_w, footprint):
+        """g[first + k] = (slope - (g[value + k] - origin) * slope_w) * (g[scale + k] * footprint)."""
+        for k in range(count):
+            g[first + k] = (slope - (g[value + k] - origin) * slope_w) * (g[scale + k] * footprint)
+
+else:
+    from luxel.jit import array_data, intrinsic, ir, types
+    from luxel.raster.lanes import _F, _IOTA_F, _L, _VF, _VI, _groups, _splat
+
+    _WORDS = ir.IntType(LANES)
+
+    def _ids(builder, data, index):
+        loaded = builder.load(builder.bitcast(builder.gep(data, [index]), _VI.as_pointer()))
+        loaded.align = 4
+        return loaded
+
+    def _mask_of(builder, count, bits_at):
+        """Collect `bits_at(k)` (eight lanes of bits from pixel k on) of the first `count` pixels."""
+        entry, loop, done = builder.block, builder.append_basic_block("bits"), builder.append_basic_block("bits_done")
+        builder.branch(loop)
+        builder.position_at_end(loop)
+        k, word = builder.phi(_L), builder.phi(_L)
+        k.add_incoming(ir.Constant(_L, 0), entry)
+        word.add_incoming(ir.Constant(_L, 0), entry)
+        bits = builder.shl(builder.zext(builder.bitcast(bits_at(k), _WORDS), _L), k)
+        more, following = builder.or_(word, bits), builder.add(k, ir.Constant(_L, LANES))
+        k.add_incoming(following, loop)
+        word.add_incoming(more, loop)
+        builder.cbranch(builder.icmp_signed("<", following, count), loop, done)
+        builder.position_at_end(done)
+        unused = builder.sub(ir.Constant(_L, WORD), count)
+        return builder.lshr(builder.shl(more, unused), unused)
+
+    @intrinsic
+    def ends_of_runs(typingctx, ids, first, count):
+        """Bits k of `count` (1 to 64) pixels where id k differs from id k + 1."""
+
+        def codegen(context, builder, signature, arguments):
+            data, (_, first, count) = array_data(context, builder, signature, arguments, 0), arguments
+
+            def bits_at(k):
+                here = builder.add(first, k)
+                return builder.icmp_signed("!=", _ids(builder, data, here), _ids(builder, data, builder.add(here, ir.Constant(_L, 1))))
+
+            return _mask_of(builder, count, bits_at)
+
+        return types.uint64(ids, types.int64, types.int64), codegen
+
+    @intrinsic
+    def where_set(typingctx, flags, count):
+        """Bits k of `count` (1 to 64) numbers that are not 0."""
+
+        def codegen(context, builder, signature, arguments):
+            data = array_data(context, builder, signature, arguments, 0)
+            zero = ir.Constant(_VI, [0] * LANES)
+            return _mask_of(builder, arguments[1], lambda k: builder.icmp_signed("!=", _ids(builder, data, k), zero))
+
+        return types.uint64(flags, types.int64), codegen
+
+    def _row(builder, data, index):
+        """Pointer to eight elements."""
+        return builder.bitcast(builder.gep(data, [index]), _VF.as_pointer())
+
+    def _read(builder, data, index):
+        loaded = builder.load(_row(builder, data, index))
+        loaded.align = 4
+        return loaded
+
+    def _filler(numbers, value_at):
+        """An intrinsic f(g, first, count, *rows and numbers): `numbers` spells their types, i for a row and f for a number, and
+        `value_at(builder, data, k, arguments)` gives eight elements from fragment k on."""
+        kinds = [types.int64 if letter == "i" else types.float32 for letter in numbers]
+
+        def codegen(context, builder, signature, arguments):
+            data, (_, first, count, *rest) = array_data(context, builder, signature, arguments, 0), arguments
+            with _groups(builder, count) as (k, _, _):
+                builder.store(value_at(builder, data, k, rest), _row(builder, data, builder.add(first, k)), align=4)
+            return context.get_dummy_value()
+
+        return lambda g: (types.none(g, types.int64, types.int64, *kinds), codegen)
+
+    def _ramp(builder, k, x, slope, base):
+        xs = builder.fadd(_splat(builder, builder.fadd(x, builder.sitofp(k, _F)), _VF), _IOTA_F)
+        return builder.fadd(builder.fmul(_splat(builder, slope, _VF), xs), _splat(builder, base, _VF))
+
+    def _inverse_at(builder, data, k, numbers):
+        return builder.fdiv(ir.Constant(_VF, [1.0] * LANES), _ramp(builder, k, *numbers))
+
+    def _scaled_at(builder, data, k, numbers):
+        scale, x, slope, base, origin = numbers
+        value = builder.fmul(_ramp(builder, k, x, slope, base), _read(builder, data, builder.add(scale, k)))
+        return builder.fadd(value, _splat(builder, origin, _VF))
+
+    def _derivative_at(builder, data, k, numbers):
+        scale, value, *rest = numbers
+        origin, slope, slope_w, footprint = (_splat(builder, number, _VF) for number in rest)
+        from_origin = builder.fsub(_read(builder, data, builder.add(value, k)), origin)
+        change = builder.fsub(slope, builder.fmul(from_origin, slope_w))
+        return builder.fmul(change, builder.fmul(_read(builder, data, builder.add(scale, k)), footprint))
+
+    _fill = _filler("f", lambda builder, data, k, numbers: _splat(builder, numbers[0], _VF))
+    _plain = _filler("fff", lambda builder, data, k, numbers: _ramp(builder, k, *numbers))
+    _inverse = _filler("fff", _inverse_at)
+    _scaled = _filler("iffff", _scaled_at)
+    _derivative = _filler("iiffff", _derivative_at)
+
+    @intrinsic
+    def fill(typingctx, g, first, count, value):
+        """g[first + k] = value."""
+        return _fill(g)
+
+    @intrinsic
+    def ramp(typingctx, g, first, count, x, slope, base):
+        """g[first + k] = slope * (x + k) + base."""
+        return _plain(g)
+
+    @intrinsic
+    def inverse_ramp(typingctx, g, first, count, x, slope, base):
+        """g[first + k] = 1 / (slope * (x + k) + base)."""
+        return _inverse(g)
+
+    @intrinsic
+    def scaled_ramp(typingctx, g, first, count, scale, x, slope, base, origin):
+        """g[first + k] = (slope * (x + k) + base) * g[scale + k] + origin."""
+        return _scaled(g)
+
+    @intrinsic
+    def derivative(typingctx, g, first, count, scale, value, origin, slope, slope_w, footprint):
+        """g[first + k] = (slope - (g[value + k] - origin) * slope_w) * (g[scale + k] * footprint)."""
+        return _derivative(g)

@@ -1,0 +1,164 @@
+"""Runs: what is visible in a tile, as runs of fragments of one triangle along a row of pixels.
+
+A fragment is what a triangle covers of a pixel, however many samples (or what it covers of one sample, when supersampling). It lies at the
+pixel's centre if the triangle has all its samples, else at the mean of those it has, which is inside the triangle. A triangle is set up
+once for all its runs in a tile, wherever they end: `Runs.setup` says where.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from luxel import jit
+from luxel.arrays import Array
+from luxel.jit import count_bits, lowest_bit
+from luxel.raster.channels import FRAGMENTS
+from luxel.raster.lanes import prefetch
+from luxel.raster.rows import WORD, ends_of_runs, where_set
+
+_F = np.float32
+
+SETUPS = 1024
+"""Triangles that stay set up; more than a batch can hold."""
+
+
+
+class Runs(NamedTuple):
+    """The runs of a batch; (FRAGMENTS + 1,) each.
+
+    Attributes:
+        head: int32, its first fragment; the run after the last has the number of fragments.
+        pixel: int32, the tile's pixel of its first fragment; the others follow to the right.
+        setup: int32, where its triangle is set up.
+        mask: uint64, the samples that its fragments have.
+        x, y: float32, place of its first fragment in pixels from the tile's corner; the others lie 1 apart.
+        edge: int32, scratch of `shade`.
+    """
+
+    head: Array
+    pixel: Array
+    setup: Array
+    mask: Array
+    x: Array
+    y: Array
+    edge: Array
+
+
+class Setups(NamedTuple):
+    """Triangles that are set up.
+
+    Attributes:
+        triangle: (SETUPS,) int32, drawn triangle.
+        material: (SETUPS,) int32, row of the material table.
+        stored: (SETUPS, STORED) float32, what `fragments` stores of it.
+        table: (2 * SETUPS,) int32, finds a triangle by its low bits.
+        sources: (FRAGMENTS, 4) int32, scratch: source triangle and vertices.
+        differ: (WORD,) int32, scratch.
+    """
+
+    triangle: Array
+    material: Array
+    stored: Array
+    table: Array
+    sources: Array
+    differ: Array
+
+
+@jit.inlined
+def find(t, setups, count, triangles):
+    """Where triangle `t` is set up, and the number of set-ups with it; a new one's indices are asked for ahead of their use."""
+    slot = np.uint64(t) & np.uint64(2 * SETUPS - 1)
+    known = np.int64(setups.table[slot])
+    if known < count and setups.triangle[np.uint64(known)] == t:
+        return known, count
+    setups.table[slot] = count
+    setups.triangle[np.uint64(count)] = t
+    if t < len(triangles):
+        prefetch(triangles, np.int64(t) * 3)
+    return count, count + 1
+
+
+@jit.inlined
+def add_run(r, runs, n, setup, pixel, mask, x, y):
+    """Write run `runs`, whose first fragment is `n`."""
+    k = np.uint64(runs)
+    r.head[k], r.pixel[k], r.setup[k], r.mask[k], r.x[k], r.y[k] = n, pixel, setup, mask, x, y
+
+
+@jit.part
+def gather(r, setups, count, plane, cursor, ids, pattern, every_sample, tile, wide, high, triangles):
+    """The runs of a tile from pixel `cursor` of sample plane `plane` on, until a batch is full.
+
+    Args:
+        count: Triangles that are set up.
+        ids: The tile's ids.
+        every_sample: Sample planes are pictures of their own; else all planes make one.
+
+    Returns:
+        (fragments, runs, triangles set up, next plane, next pixel); the tile is done when the plane is the last one's successor.
+    """
+    n, runs, samples, pixels = 0, 0, len(pattern), tile * tile
+    joint = samples > 1 and not every_sample
+    everything = ~np.uint64(0) >> np.uint64(64 - samples)
+    planes = samples if every_sample else 1
+    while plane < planes:
+        x, y = cursor % tile, cursor // tile
+        width = min(WORD, wide - x)
+        first = plane * pixels + cursor
+        ends = ends_of_runs(ids, first, width) | np.uint64(1) << np.uint64(width - 1)
+        partial = np.uint64(0)
+        if joint:
+            differ = setups.differ
+            for k in range(np.uint64(0), np.uint64(width)):
+                differ[k] = 0
+            for s in range(1, samples):
+                other = np.uint64(first + s * pixels)
+                for k in range(np.uint64(0), np.uint64(width)):
+                    differ[k] |= ids[other + k] ^ ids[np.uint64(first) + k]
+            partial = where_set(differ, width)
+            ends |= partial | partial >> np.uint64(1)
+        at_x, at_y, mask = _F(0.5), _F(y) + _F(0.5), everything
+        if every_sample:
+            at_x, at_y = _F(pattern[plane, 0]) * _F(1 / 256), _F(y) + _F(pattern[plane, 1]) * _F(1 / 256)
+            mask = np.uint64(1) << np.uint64(plane)
+        begin = 0
+        while ends != np.uint64(0):
+            end = lowest_bit(ends) + 1
+            t = ids[np.uint64(first + begin)]
+            if joint and partial >> np.uint64(begin) & np.uint64(1) != np.uint64(0):
+                if n + samples > FRAGMENTS:
+                    return n, runs, count, plane, cursor + begin
+                left = everything
+                while left != np.uint64(0):
+                    s = lowest_bit(left)
+                    t = ids[np.uint64(s * pixels + first + begin)]
+                    bits, sum_x, sum_y = np.uint64(0), 0, 0
+                    for other in range(s, samples):
+                        same = np.int64(ids[np.uint64(other * pixels + first + begin)] == t)
+                        bits |= np.uint64(same) << np.uint64(other)
+                        sum_x += same * np.int64(pattern[other, 0])
+                        sum_y += same * np.int64(pattern[other, 1])
+                    left &= ~bits
+                    if t >= 0:
+                        share = _F(1 / 256) / _F(count_bits(bits))
+                        setup, count = find(t, setups, count, triangles)
+                        add_run(r, runs, n, setup, cursor + begin, bits, _F(x + begin) + _F(sum_x) * share, _F(y) + _F(sum_y) * share)
+                        runs += 1
+                        n += 1
+            elif t >= 0:
+                if n + end - begin > FRAGMENTS:
+                    return n, runs, count, plane, cursor + begin
+                setup, count = find(t, setups, count, triangles)
+                add_run(r, runs, n, setup, cursor + begin, mask, _F(x + begin) + at_x, at_y)
+                runs += 1
+                n += end - begin
+            begin = end
+            ends &= ends - np.uint64(1)
+        cursor += width
+        if x + width >= wide:
+            cursor += tile - wide
+        if cursor >= tile * high:
+            plane, cursor = plane + 1, 0
+    return n, runs, count, plane, cursor
