@@ -4,7 +4,8 @@ The compiler's own vectoriser does not take these loops (spans are short, their 
 LLVM lowers eight lanes to whatever the machine has; every lane does the plain float32 operations of `draw_pixel` below, which is also
 what runs where Numba is switched off, so the bits are the same everywhere.
 
-Both write whole groups of eight, unchanged where a lane is not drawn: the arrays need `LANES` spare elements at their end.
+Groups begin at multiples of eight pixels from the tile's edge, so that what one triangle has stored is loaded by the next as it was stored:
+a processor hands such data on at once, and stalls where a load overlaps two stores. Lanes that are not drawn are written unchanged.
 """
 
 from __future__ import annotations
@@ -28,15 +29,15 @@ def draw_pixel(depth, ids, i, d, low, high, t):
 if jit.DISABLED:
     import numpy as np
 
-    def draw_span(depth, ids, first, count, x, z, slope, low, high, t):
-        """Draw `count` pixels from element `first` on; pixel k has depth z + slope * (x + k)."""
-        for k in range(count):
+    def draw_span(depth, ids, first, skip, count, x, z, slope, low, high, t):
+        """Draw `count` pixels from element `first` + `skip` on; pixel k from `first` has depth z + slope * (x + k)."""
+        for k in range(skip, skip + count):
             draw_pixel(depth, ids, first + k, z + slope * (x + np.float32(k)), low, high, t)
 
     def draw_inside(depth, ids, first, count, e0, e1, e2, a0, a1, a2, x, z, slope, low, high, t):
-        """Draw those of `count` <= 64 pixels from `first` on where all three e + a * k are >= 0."""
-        for k in range(count):
-            if ((e0 + a0 * k) | (e1 + a1 * k) | (e2 + a2 * k)) >= 0:
+        """Draw those pixels of the groups that hold the first `count` from `first` on where all three e + a * k are >= 0; int32."""
+        for k in range(-(-count // LANES) * LANES):
+            if min(int(e0) + int(a0) * k, int(e1) + int(a1) * k, int(e2) + int(a2) * k) >= 0:
                 draw_pixel(depth, ids, first + k, z + slope * (x + np.float32(k)), low, high, t)
 
     def prefetch(array, i):
@@ -91,50 +92,45 @@ else:
         builder.position_at_end(done)
 
     @intrinsic
-    def draw_span(typingctx, depth, ids, first, count, x, z, slope, low, high, t):
-        """Draw `count` pixels from element `first` on; pixel k has depth z + slope * (x + k)."""
+    def draw_span(typingctx, depth, ids, first, skip, count, x, z, slope, low, high, t):
+        """Draw `count` pixels from element `first` + `skip` on; pixel k from `first` has depth z + slope * (x + k)."""
 
         def codegen(context, builder, signature, arguments):
-            _, _, first, count, x, z, slope, low, high, t = arguments
+            _, _, first, skip, count, x, z, slope, low, high, t = arguments
             depth = array_data(context, builder, signature, arguments, 0)
             ids = array_data(context, builder, signature, arguments, 1)
-            with _groups(builder, count) as (k, mask, _):
+            with _groups(builder, builder.add(skip, count)) as (k, mask, _):
                 i = builder.add(first, k)
-                _blend(builder, builder.gep(depth, [i]), builder.gep(ids, [i]), mask,
+                begun = builder.icmp_signed(">=", _IOTA_I, _splat(builder, builder.trunc(builder.sub(skip, k), _I), _VI))
+                _blend(builder, builder.gep(depth, [i]), builder.gep(ids, [i]), builder.and_(mask, begun),
                        builder.fadd(x, builder.sitofp(k, _F)), z, slope, low, high, t)  # fmt: skip
             return context.get_dummy_value()
 
-        f = types.float32
-        return types.none(depth, ids, types.int64, types.int64, f, f, f, f, f, types.int32), codegen
+        f, i = types.float32, types.int64
+        return types.none(depth, ids, i, i, i, f, f, f, f, f, types.int32), codegen
 
     @intrinsic
     def draw_inside(typingctx, depth, ids, first, count, e0, e1, e2, a0, a1, a2, x, z, slope, low, high, t):
-        """Draw those of `count` <= 64 pixels from `first` on where all three e + a * k are >= 0.
-
-        |e| may be any size: beyond 2^29 it cannot change sign within the row, as |a| must be at most 2^22.
-        """
+        """Draw those pixels of the groups that hold the first `count` from `first` on where all three e + a * k are >= 0; int32."""
 
         def codegen(context, builder, signature, arguments):
             _, _, first, count, *edges, x, z, slope, low, high, t = arguments
             depth = array_data(context, builder, signature, arguments, 0)
             ids = array_data(context, builder, signature, arguments, 1)
-            most, least = ir.Constant(_L, 1 << 29), ir.Constant(_L, -(1 << 29))
             starts, steps = [], []
             for e, a in zip(edges[:3], edges[3:], strict=True):
-                e = builder.select(builder.icmp_signed("<", e, most), e, most)
-                e = builder.select(builder.icmp_signed(">", e, least), e, least)
-                a = _splat(builder, builder.trunc(a, _I), _VI)
-                starts.append(builder.add(_splat(builder, builder.trunc(e, _I), _VI), builder.mul(a, _IOTA_I)))
+                a = _splat(builder, a, _VI)
+                starts.append(builder.add(_splat(builder, e, _VI), builder.mul(a, _IOTA_I)))
                 steps.append(builder.shl(a, ir.Constant(_VI, [3] * LANES)))
-            with _groups(builder, count, starts, steps) as (k, mask, (e0, e1, e2)):
+            with _groups(builder, count, starts, steps) as (k, _, (e0, e1, e2)):
                 inside = builder.icmp_signed(">=", builder.or_(builder.or_(e0, e1), e2), ir.Constant(_VI, [0] * LANES))
                 i = builder.add(first, k)
-                _blend(builder, builder.gep(depth, [i]), builder.gep(ids, [i]), builder.and_(mask, inside),
+                _blend(builder, builder.gep(depth, [i]), builder.gep(ids, [i]), inside,
                        builder.fadd(x, builder.sitofp(k, _F)), z, slope, low, high, t)  # fmt: skip
             return context.get_dummy_value()
 
-        f, i = types.float32, types.int64
-        return types.none(depth, ids, i, i, i, i, i, i, i, i, f, f, f, f, f, types.int32), codegen
+        f, i, e = types.float32, types.int64, types.int32
+        return types.none(depth, ids, i, i, e, e, e, e, e, e, f, f, f, f, f, e), codegen
 
     @intrinsic
     def prefetch(typingctx, array, i):

@@ -14,11 +14,12 @@ from luxel import jit
 from luxel.arrays import Array
 from luxel.raster.bin import Bins, Clipped
 from luxel.raster.constants import NOTHING
-from luxel.raster.cover import depth_plane, load
+from luxel.raster.cover import load
 from luxel.raster.edge import edges
 from luxel.raster.fragments import find_part, planes, source_planes
 from luxel.raster.geometry import Geometry
 from luxel.raster.materials import MaterialTable
+from luxel.raster.setup import depth_plane
 from luxel.raster.surface import mask_alpha
 
 _F = np.float32
