@@ -25,10 +25,11 @@ from luxel.raster.edge import edges
 from luxel.raster.lanes import LANES, draw_inside, draw_span
 from luxel.raster.setup import (
     A0, A1, A2, ACROSS, AT, AT_X, AT_Y, B0, B1, B2, BATCH, DEPTH, DOWN, E0, E1, E2, FEW_PIXELS, HIGH, KIND, LOW, MANY, POINT, POINT_DEPTH,
-    SIZE, STEP_X, STEP_Y, X0, X1, X2, Y0, Y1, Y2, T, load_batch, place_batch, set_up_batch,
+    SIZE, SPAN_LEFT, SPAN_RIGHT, STEP_X, STEP_Y, X0, X1, X2, Y0, Y1, Y2, T, load_batch, place_batch, set_up_batch,
 )  # fmt: skip
 
 _I, _F = np.int32, np.float32
+_BEYOND = 1e6  # pixels; right of every tile
 
 BEHIND = np.float32(-1.0)
 """Depth where there is nothing: farther than 0, which is the far plane of an orthographic camera, and drawn."""
@@ -65,38 +66,45 @@ def draw_few(i, c, first, tile, depth, ids):
 
 
 @jit.part
-def draw_many(i, c, sx, sy, first, tile, depth, ids):
-    """Draw triangle `i` of the batch, of any size, at the samples (sx, sy), which begin at element `first`."""
+def find_spans(i, c, sx, sy, tile):
+    """Find the first and last pixel, from the tile's edge, of the rows of triangle `i` of the batch at the samples (sx, sy)."""
     x0, y0, x1, y1 = np.int64(c[X0 + i]), np.int64(c[Y0 + i]), np.int64(c[X1 + i]), np.int64(c[Y1 + i])
     a0, b0, c0, a1, b1, c1, a2, b2, c2 = edges(x0, y0, x1, y1, np.int64(c[X2 + i]), np.int64(c[Y2 + i]), 0, 0)
-    e0, e1, e2 = (c0 + a0 * sx + b0 * sy) >> 8, (c1 + a1 * sx + b1 * sy) >> 8, (c2 + a2 * sx + b2 * sy) >> 8
+    # The edge functions are below 2^53, so these sums are exact.
+    e0 = np.float64((c0 + a0 * sx + b0 * sy) >> 8) + 0.5
+    e1 = np.float64((c1 + a1 * sx + b1 * sy) >> 8) + 0.5
+    e2 = np.float64((c2 + a2 * sx + b2 * sy) >> 8) + 0.5
+    b0, b1, b2 = np.float64(b0), np.float64(b1), np.float64(b2)
     # For a = 0 the row is all in or all out: a huge factor sends the right end beyond either side of the tile.
     f0 = -1.0 / np.float64(a0) if a0 != 0 else 1e12
     f1 = -1.0 / np.float64(a1) if a1 != 0 else 1e12
     f2 = -1.0 / np.float64(a2) if a2 != 0 else 1e12
-    top, begin = np.int64(c[AT + i]) // tile, np.int64(c[AT + i]) % tile
-    for y in range(top, top + c[DOWN + i] + 1):
-        left, right = np.float64(begin), np.float64(begin + c[ACROSS + i])
-        q0 = (np.float64(e0 + b0 * y) + 0.5) * f0
-        q1 = (np.float64(e1 + b1 * y) + 0.5) * f1
-        q2 = (np.float64(e2 + b2 * y) + 0.5) * f2
-        if a0 > 0:
-            left = max(left, np.ceil(q0))
-        else:
-            right = min(right, np.floor(q0))
-        if a1 > 0:
-            left = max(left, np.ceil(q1))
-        else:
-            right = min(right, np.floor(q1))
-        if a2 > 0:
-            left = max(left, np.ceil(q2))
-        else:
-            right = min(right, np.floor(q2))
+    begins0, begins1, begins2 = a0 > 0, a1 > 0, a2 > 0
+    top, begin = _I(c[AT + i] // tile), _I(c[AT + i] % tile)
+    first, last = np.float64(begin), np.float64(_I(begin + c[ACROSS + i]))
+    for k in range(np.uint64(0), np.uint64(c[DOWN + i] + 1)):
+        y = np.float64(_I(top + _I(k)))
+        q0, q1, q2 = (e0 + b0 * y) * f0, (e1 + b1 * y) * f1, (e2 + b2 * y) * f2
+        left = max(first, max(np.ceil(q0) if begins0 else first, max(np.ceil(q1) if begins1 else first, np.ceil(q2) if begins2 else first)))
+        right = min(last, min(last if begins0 else np.floor(q0), min(last if begins1 else np.floor(q1), last if begins2 else np.floor(q2))))
+        c[SPAN_LEFT + k], c[SPAN_RIGHT + k] = _I(min(left, _BEYOND)), _I(max(right, -1.0))
+
+
+@jit.part
+def draw_many(i, c, sx, sy, first, tile, depth, ids):
+    """Draw triangle `i` of the batch, of any size, at the samples (sx, sy), which begin at element `first`."""
+    find_spans(i, c, sx, sy, tile)
+    z, zx, zy, low, high, t = (
+        bits_float(c[DEPTH + i]), bits_float(c[STEP_X + i]), bits_float(c[STEP_Y + i]), bits_float(c[LOW + i]), bits_float(c[HIGH + i]), c[T + i],
+    )  # fmt: skip
+    x, y, begin = bits_float(c[AT_X + i]), bits_float(c[AT_Y + i]), np.int64(c[AT + i]) % tile
+    row = first + np.int64(c[AT + i]) - begin
+    for k in range(np.uint64(0), np.uint64(c[DOWN + i] + 1)):
+        left, right = np.int64(c[SPAN_LEFT + k]), np.int64(c[SPAN_RIGHT + k])
         if left <= right:
-            x = np.int64(left)
-            group = x & -LANES
-            draw_span(depth, ids, first + y * tile + group, x - group, np.int64(right) - x + 1, bits_float(c[AT_X + i]) + _F(group - begin),
-                      bits_float(c[DEPTH + i]) + bits_float(c[STEP_Y + i]) * (bits_float(c[AT_Y + i]) + _F(y - top)), bits_float(c[STEP_X + i]), bits_float(c[LOW + i]), bits_float(c[HIGH + i]), c[T + i])  # fmt: skip
+            group = left & -LANES
+            draw_span(depth, ids, row + group, left - group, right - left + 1, x + _F(_I(group - begin)), z + zy * y, zx, low, high, t)
+        row, y = row + tile, y + _F(1.0)
 
 
 @jit.part

@@ -10,18 +10,14 @@ from luxel import jit
 from luxel.raster.lanes import LANES
 
 WORD = 64
-"""Pixels that one mask of `ends_of_runs` tells of."""
+"""Pixels that one mask of `where_same` tells of."""
 
 if jit.DISABLED:
     import numpy as np
 
-    def ends_of_runs(ids, first, count):
-        """Bits k of `count` <= 64 pixels where id k differs from id k + 1."""
-        return np.uint64(sum(1 << k for k in range(count) if ids[first + k] != ids[first + k + 1]))
-
-    def where_set(flags, count):
-        """Bits k of `count` <= 64 numbers that are not 0."""
-        return np.uint64(sum(1 << k for k in range(count) if flags[k] != 0))
+    def where_same(ids, first, second, count):
+        """Bits k of `count` (1 to 64) where ids[first + k] is ids[second + k]."""
+        return np.uint64(sum(1 << k for k in range(count) if ids[first + k] == ids[second + k]))
 
     def fill(g, first, count, value):
         """g[first + k] = value."""
@@ -51,55 +47,36 @@ else:
     from luxel.jit import array_data, intrinsic, ir, types
     from luxel.raster.lanes import _F, _IOTA_F, _L, _VF, _VI, _groups, _splat
 
-    _WORDS = ir.IntType(LANES)
+    _BITS = ir.IntType(LANES)
 
     def _ids(builder, data, index):
         loaded = builder.load(builder.bitcast(builder.gep(data, [index]), _VI.as_pointer()))
         loaded.align = 4
         return loaded
 
-    def _mask_of(builder, count, bits_at):
-        """Collect `bits_at(k)` (eight lanes of bits from pixel k on) of the first `count` pixels."""
-        entry, loop, done = builder.block, builder.append_basic_block("bits"), builder.append_basic_block("bits_done")
-        builder.branch(loop)
-        builder.position_at_end(loop)
-        k, word = builder.phi(_L), builder.phi(_L)
-        k.add_incoming(ir.Constant(_L, 0), entry)
-        word.add_incoming(ir.Constant(_L, 0), entry)
-        bits = builder.shl(builder.zext(builder.bitcast(bits_at(k), _WORDS), _L), k)
-        more, following = builder.or_(word, bits), builder.add(k, ir.Constant(_L, LANES))
-        k.add_incoming(following, loop)
-        word.add_incoming(more, loop)
-        builder.cbranch(builder.icmp_signed("<", following, count), loop, done)
-        builder.position_at_end(done)
-        unused = builder.sub(ir.Constant(_L, WORD), count)
-        return builder.lshr(builder.shl(more, unused), unused)
-
     @intrinsic
-    def ends_of_runs(typingctx, ids, first, count):
-        """Bits k of `count` (1 to 64) pixels where id k differs from id k + 1."""
+    def where_same(typingctx, ids, first, second, count):
+        """Bits k of `count` (1 to 64) where ids[first + k] is ids[second + k]."""
 
         def codegen(context, builder, signature, arguments):
-            data, (_, first, count) = array_data(context, builder, signature, arguments, 0), arguments
+            data, (_, first, second, count) = array_data(context, builder, signature, arguments, 0), arguments
+            entry, loop, done = builder.block, builder.append_basic_block("bits"), builder.append_basic_block("bits_done")
+            builder.branch(loop)
+            builder.position_at_end(loop)
+            k, word = builder.phi(_L), builder.phi(_L)
+            k.add_incoming(ir.Constant(_L, 0), entry)
+            word.add_incoming(ir.Constant(_L, 0), entry)
+            same = builder.icmp_signed("==", _ids(builder, data, builder.add(first, k)), _ids(builder, data, builder.add(second, k)))
+            more = builder.or_(word, builder.shl(builder.zext(builder.bitcast(same, _BITS), _L), k))
+            following = builder.add(k, ir.Constant(_L, LANES))
+            k.add_incoming(following, loop)
+            word.add_incoming(more, loop)
+            builder.cbranch(builder.icmp_signed("<", following, count), loop, done)
+            builder.position_at_end(done)
+            unused = builder.sub(ir.Constant(_L, WORD), count)
+            return builder.lshr(builder.shl(more, unused), unused)
 
-            def bits_at(k):
-                here = builder.add(first, k)
-                return builder.icmp_signed("!=", _ids(builder, data, here), _ids(builder, data, builder.add(here, ir.Constant(_L, 1))))
-
-            return _mask_of(builder, count, bits_at)
-
-        return types.uint64(ids, types.int64, types.int64), codegen
-
-    @intrinsic
-    def where_set(typingctx, flags, count):
-        """Bits k of `count` (1 to 64) numbers that are not 0."""
-
-        def codegen(context, builder, signature, arguments):
-            data = array_data(context, builder, signature, arguments, 0)
-            zero = ir.Constant(_VI, [0] * LANES)
-            return _mask_of(builder, arguments[1], lambda k: builder.icmp_signed("!=", _ids(builder, data, k), zero))
-
-        return types.uint64(flags, types.int64), codegen
+        return types.uint64(ids, types.int64, types.int64, types.int64), codegen
 
     def _row(builder, data, index):
         """Pointer to eight elements."""

@@ -16,9 +16,12 @@ from luxel.arrays import Array
 from luxel.jit import count_bits, lowest_bit
 from luxel.raster.channels import FRAGMENTS
 from luxel.raster.lanes import prefetch
-from luxel.raster.rows import WORD, ends_of_runs, where_set
+from luxel.raster.rows import WORD, where_same
 
 _F = np.float32
+
+MOST_SAMPLES = 16
+"""That are shaded together."""
 
 SETUPS = 1024
 """Triangles that stay set up; more than a batch can hold."""
@@ -55,7 +58,7 @@ class Setups(NamedTuple):
         stored: (SETUPS, STORED) float32, what `fragments` stores of it.
         table: (2 * SETUPS,) int32, finds a triangle by its low bits.
         sources: (FRAGMENTS, 4) int32, scratch: source triangle and vertices.
-        differ: (WORD,) int32, scratch.
+        same: (MOST_SAMPLES, MOST_SAMPLES) uint64, scratch: in which pixels two samples have the same triangle.
     """
 
     triangle: Array
@@ -63,7 +66,7 @@ class Setups(NamedTuple):
     stored: Array
     table: Array
     sources: Array
-    differ: Array
+    same: Array
 
 
 @jit.inlined
@@ -88,6 +91,42 @@ def add_run(r, runs, n, setup, pixel, mask, x, y):
 
 
 @jit.part
+def compare_samples(ids, first, width, samples, pixels, same):
+    """In which of `width` pixels from element `first` on the samples differ. Where any do, `same` says which are equal to which."""
+    equal = ~np.uint64(0) >> np.uint64(WORD - width)
+    differ = np.uint64(0)
+    for s in range(1, samples):
+        same[0, s] = where_same(ids, first, first + s * pixels, width)
+        differ |= equal & ~same[0, s]
+    if differ != np.uint64(0):
+        for s in range(1, samples):
+            for other in range(s + 1, samples):
+                same[s, other] = where_same(ids, first + s * pixels, first + other * pixels, width)
+    return differ
+
+
+@jit.inlined
+def equal_samples(s, pixel, same, samples):
+    """The samples of bit `pixel` of `same`, from `s` on, that have the same triangle as sample `s`."""
+    bits = np.uint64(1) << np.uint64(s)
+    for other in range(s + 1, samples):
+        bits |= (same[s, other] >> np.uint64(pixel) & np.uint64(1)) << np.uint64(other)
+    return bits
+
+
+@jit.inlined
+def mean_place(bits, pattern):
+    """The mean of the places in a pixel of the samples in `bits`, in pixels."""
+    sum_x, sum_y, count, rest = 0, 0, count_bits(bits), bits
+    while rest != np.uint64(0):
+        s = lowest_bit(rest)
+        sum_x, sum_y = sum_x + np.int64(pattern[s, 0]), sum_y + np.int64(pattern[s, 1])
+        rest &= rest - np.uint64(1)
+    share = _F(1 / 256) / _F(count)
+    return _F(sum_x) * share, _F(sum_y) * share
+
+
+@jit.part
 def gather(r, setups, count, plane, cursor, ids, pattern, every_sample, tile, wide, high, triangles):
     """The runs of a tile from pixel `cursor` of sample plane `plane` on, until a batch is full.
 
@@ -101,23 +140,16 @@ def gather(r, setups, count, plane, cursor, ids, pattern, every_sample, tile, wi
     """
     n, runs, samples, pixels = 0, 0, len(pattern), tile * tile
     joint = samples > 1 and not every_sample
-    everything = ~np.uint64(0) >> np.uint64(64 - samples)
+    everything = ~np.uint64(0) >> np.uint64(WORD - samples)
     planes = samples if every_sample else 1
     while plane < planes:
         x, y = cursor % tile, cursor // tile
         width = min(WORD, wide - x)
         first = plane * pixels + cursor
-        ends = ends_of_runs(ids, first, width) | np.uint64(1) << np.uint64(width - 1)
+        ends = ~where_same(ids, first, first + 1, width) & (~np.uint64(0) >> np.uint64(WORD - width)) | np.uint64(1) << np.uint64(width - 1)
         partial = np.uint64(0)
         if joint:
-            differ = setups.differ
-            for k in range(np.uint64(0), np.uint64(width)):
-                differ[k] = 0
-            for s in range(1, samples):
-                other = np.uint64(first + s * pixels)
-                for k in range(np.uint64(0), np.uint64(width)):
-                    differ[k] |= ids[other + k] ^ ids[np.uint64(first) + k]
-            partial = where_set(differ, width)
+            partial = compare_samples(ids, first, width, samples, pixels, setups.same)
             ends |= partial | partial >> np.uint64(1)
         at_x, at_y, mask = _F(0.5), _F(y) + _F(0.5), everything
         if every_sample:
@@ -126,34 +158,30 @@ def gather(r, setups, count, plane, cursor, ids, pattern, every_sample, tile, wi
         begin = 0
         while ends != np.uint64(0):
             end = lowest_bit(ends) + 1
-            t = ids[np.uint64(first + begin)]
-            if joint and partial >> np.uint64(begin) & np.uint64(1) != np.uint64(0):
+            if partial >> np.uint64(begin) & np.uint64(1) != np.uint64(0):
                 if n + samples > FRAGMENTS:
                     return n, runs, count, plane, cursor + begin
                 left = everything
                 while left != np.uint64(0):
                     s = lowest_bit(left)
-                    t = ids[np.uint64(s * pixels + first + begin)]
-                    bits, sum_x, sum_y = np.uint64(0), 0, 0
-                    for other in range(s, samples):
-                        same = np.int64(ids[np.uint64(other * pixels + first + begin)] == t)
-                        bits |= np.uint64(same) << np.uint64(other)
-                        sum_x += same * np.int64(pattern[other, 0])
-                        sum_y += same * np.int64(pattern[other, 1])
+                    bits = equal_samples(s, begin, setups.same, samples)
                     left &= ~bits
+                    t = ids[np.uint64(s * pixels + first + begin)]
                     if t >= 0:
-                        share = _F(1 / 256) / _F(count_bits(bits))
+                        dx, dy = mean_place(bits, pattern)
                         setup, count = find(t, setups, count, triangles)
-                        add_run(r, runs, n, setup, cursor + begin, bits, _F(x + begin) + _F(sum_x) * share, _F(y) + _F(sum_y) * share)
+                        add_run(r, runs, n, setup, cursor + begin, bits, _F(x + begin) + dx, _F(y) + dy)
                         runs += 1
                         n += 1
-            elif t >= 0:
-                if n + end - begin > FRAGMENTS:
-                    return n, runs, count, plane, cursor + begin
-                setup, count = find(t, setups, count, triangles)
-                add_run(r, runs, n, setup, cursor + begin, mask, _F(x + begin) + at_x, at_y)
-                runs += 1
-                n += end - begin
+            else:
+                t = ids[np.uint64(first + begin)]
+                if t >= 0:
+                    if n + end - begin > FRAGMENTS:
+                        return n, runs, count, plane, cursor + begin
+                    setup, count = find(t, setups, count, triangles)
+                    add_run(r, runs, n, setup, cursor + begin, mask, _F(x + begin) + at_x, at_y)
+                    runs += 1
+                    n += end - begin
             begin = end
             ends &= ends - np.uint64(1)
         cursor += width

@@ -14,7 +14,7 @@ from luxel.raster.edge import edge_bias
 from luxel.raster.lanes import LANES, prefetch
 
 BATCH = 128
-"""Triangles."""
+"""Triangles; and rows of the largest tile."""
 
 SMALL = 32
 """Pixels; triangles no wider and no higher are small."""
@@ -31,7 +31,9 @@ DEPTH, STEP_X, STEP_Y, LOW, HIGH, FROM_X, FROM_Y = (np.uint64(BATCH * row) for r
 KIND, AT, ACROSS, DOWN, E0, E1, E2 = (np.uint64(BATCH * row) for row in range(31, 38))
 # The same, float32: from the reference pixel to the sample there; depth of a point.
 AT_X, AT_Y, POINT_DEPTH = (np.uint64(BATCH * row) for row in range(38, 41))
-SIZE = 41 * BATCH
+# Of one triangle, for each row: first and last pixel from the tile's edge.
+SPAN_LEFT, SPAN_RIGHT = (np.uint64(BATCH * row) for row in range(41, 43))
+SIZE = 43 * BATCH
 
 NONE, POINT, FEW_PIXELS, MANY = range(4)
 """Kinds: not at any of these samples; at one only; small; large."""

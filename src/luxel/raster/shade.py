@@ -21,8 +21,7 @@ from luxel.raster.fragments import SIZE, STORED, Eye, attributes, set_up, view_v
 from luxel.raster.geometry import Geometry
 from luxel.raster.lighting import LightTable, light
 from luxel.raster.materials import MaterialTable
-from luxel.raster.rows import WORD
-from luxel.raster.runs import SETUPS, Runs, Setups, gather
+from luxel.raster.runs import MOST_SAMPLES, SETUPS, Runs, Setups, gather
 from luxel.raster.surface import surface
 
 _F = np.float32
@@ -182,7 +181,7 @@ def _shade(queue, first_tile, last_tile, across, tile, width, height, occupied, 
     )  # fmt: skip
     own_setups = Setups(
         np.zeros(SETUPS, np.int32), np.zeros(SETUPS, np.int32), np.zeros((SETUPS, STORED), np.float32), np.zeros(2 * SETUPS, np.int32),
-        np.zeros((FRAGMENTS, 4), np.int32), np.zeros(WORD, np.int32),
+        np.zeros((FRAGMENTS, 4), np.int32), np.zeros((MOST_SAMPLES, MOST_SAMPLES), np.uint64),
     )  # fmt: skip
     own_material = np.full(FRAGMENTS, geometry.part_material[0] if len(geometry.part_material) > 0 else 0, np.int32)
     g, sums, codes, r, setups = jit.borrow(own_g), jit.borrow(own_sums), jit.borrow(own_codes), jit.borrow(own_runs), jit.borrow(own_setups)
