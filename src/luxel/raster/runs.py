@@ -26,6 +26,9 @@ MOST_SAMPLES = 16
 SETUPS = 1024
 """Triangles that stay set up; more than a batch can hold."""
 
+# Where in the table a triangle is: the golden ratio spreads neighbours, and neighbouring rows of a mesh, which differ by round numbers.
+_SPREAD, _LOW, _SHIFT = np.uint64(0x9E3779B1), np.uint64(0xFFFFFFFF), np.uint64(32 - (2 * SETUPS - 1).bit_length())
+
 
 
 class Runs(NamedTuple):
@@ -72,7 +75,7 @@ class Setups(NamedTuple):
 @jit.inlined
 def find(t, setups, count, triangles):
     """Where triangle `t` is set up, and the number of set-ups with it; a new one's indices are asked for ahead of their use."""
-    slot = np.uint64(t) & np.uint64(2 * SETUPS - 1)
+    slot = (np.uint64(t) * _SPREAD & _LOW) >> _SHIFT
     known = np.int64(setups.table[slot])
     if known < count and setups.triangle[np.uint64(known)] == t:
         return known, count
