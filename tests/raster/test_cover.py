@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from luxel.raster.constants import GUARD_HIGH, GUARD_LOW
-from luxel.raster.cover import MAX_STEP, NARROW
 from luxel.raster.reference import Plane, covers, reference_cover
+from luxel.raster.setup import SMALL
 
 ONE = PATTERNS["standard-1"]
 SIZE = np.array([21, 17])  # pixels, odd: tiles at the right and lower borders are partly filled
@@ -134,18 +134,18 @@ def test_span_ends_that_are_nearly_whole():
 
 @pytest.mark.parametrize("extra", [-1, 0, 1])
 def test_on_both_sides_of_the_loops_limits(extra):
-    """Boxes as wide as the loops change at, and as tall as the narrow one is exact for."""
+    """Boxes as wide and as high as the loops change at, and as high as can be."""
     rng = np.random.default_rng(extra + 1)
-    tall = min(MAX_STEP + extra, GUARD_HIGH)
-    for wide, high in ((NARROW * 256 + extra, 15 * 256), (NARROW * 256, tall), (NARROW * 256 + extra, tall), (777, tall)):
+    tall, edge = GUARD_HIGH, SMALL * 256
+    for wide, high in ((edge + extra, 15 * 256), (edge, edge + extra), (edge + extra, edge + extra), (edge, tall), (777, tall)):
         corners = rng.integers(0, [wide, high], (12, 3, 2), endpoint=True)
         corners[:, 0] = 0
         corners[:, 1] = wide, high
         corners[:6, :, 0] = wide - corners[:6, :, 0]
         corners[..., 1] -= rng.integers(0, max(1, high - 15 * 256), (12, 1))
         agree(corners + 60, rng.random((12, 3), np.float32), size=(41, 13), tile=32)
-    for _ in range(20):  # edges that are taller than the sign of the clamped edge function would stand
-        corners = np.stack([rng.integers(0, NARROW * 256, (6, 3)), rng.choice([GUARD_LOW, GUARD_HIGH], (6, 3))], 2)
+    for _ in range(20):  # edges as tall as can be
+        corners = np.stack([rng.integers(0, SMALL * 256, (6, 3)), rng.choice([GUARD_LOW, GUARD_HIGH], (6, 3))], 2)
         agree(corners, rng.random((6, 3), np.float32), size=(33, 3))
 
 

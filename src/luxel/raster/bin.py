@@ -14,7 +14,8 @@ import numpy as np
 from luxel import jit
 from luxel.arrays import Array
 from luxel.errors import InputError
-from luxel.raster.constants import UNSAFE
+from luxel.memory import reusable
+from luxel.raster.constants import GUARD_LOW, UNSAFE
 from luxel.raster.edge import area2, edges
 from luxel.raster.project import Window
 
@@ -58,8 +59,8 @@ _BLOCK = 64
 _X0, _Y0, _X1, _Y1, _X2, _Y2, _LEFT, _TOP, _RIGHT, _BOTTOM, _KIND = (np.uint64(_BLOCK * row) for row in range(11))
 BOX, KIND, _ROWS = int(_LEFT), int(_KIND), 11
 OTHER = 2
-_OTHER, _UNSAFE, _NONE, _EIGHT, _ROUND = (np.int32(number) for number in (OTHER, UNSAFE, 0, 8, 255))
-_SMALL = np.uint32(1 << 14)  # fixed point; the edge functions of triangles up to this wide and high fit int32
+_OTHER, _LEAST, _ZERO, _EIGHT, _ROUND = (np.int32(number) for number in (OTHER, GUARD_LOW, 0, 8, 255))
+_SMALL = np.int32(1 << 14)  # fixed point; the edge functions of triangles up to this wide and high fit int32
 
 NO_CLIPPED = Clipped(np.zeros(0, np.int32), np.zeros((0, 3, 4), np.int32), np.zeros((0, 3, 3), np.float32))
 
@@ -96,17 +97,22 @@ def load_block(t, count, triangles, screen, c):
 
 @jit.part
 def judge_block(count, cull, low, high, width, height, tile_log2, c):
-    """Judge the loaded triangles as `tile_box` does, in int32 and so in vector registers, if they are small: _KIND gets 1 if a triangle
-    is to be drawn, in the tiles _LEFT, _TOP .. _RIGHT, _BOTTOM, and 0 if not; or `_OTHER` if it is large, or has an unsafe vertex. Returns whether any has."""
+    """Judge the loaded triangles as `tile_box` does, but in int32 and so in vector registers. _KIND gets 1 if a triangle is to be drawn, in
+    the tiles _LEFT, _TOP .. _RIGHT, _BOTTOM, and 0 if not; and `_OTHER` if it is large or has an unsafe vertex. Returns whether any is."""
     low, high, shift = np.int32(low), np.int32(high), np.int32(tile_log2)
     last_x, last_y, one_sample, others = np.int32(width - 1), np.int32(height - 1), low == high, np.int32(0)
     for i in range(np.uint64(0), np.uint64(count)):
         x0, y0, x1, y1, x2, y2 = c[_X0 + i], c[_Y0 + i], c[_X1 + i], c[_Y1 + i], c[_X2 + i], c[_Y2 + i]
-        left, right, top, bottom = min(x0, min(x1, x2)), max(x0, max(x1, x2)), min(y0, min(y1, y2)), max(y0, max(y1, y2))
-        other = (left == _UNSAFE) | (np.uint32(right - left) > _SMALL) | (np.uint32(bottom - top) > _SMALL)
+        left, right = max(min(x0, min(x1, x2)), _LEAST), max(max(x0, max(x1, x2)), _LEAST)
+        top, bottom = min(y0, min(y1, y2)), max(y0, max(y1, y2))
+        other = (left == _LEAST) | (np.int32(right - left) > _SMALL) | (np.int32(bottom - top) > _SMALL)
+        x0, y0, x1, y1, x2, y2 = (
+            _ZERO if other else x0, _ZERO if other else y0, _ZERO if other else x1, _ZERO if other else y1,
+            _ZERO if other else x2, _ZERO if other else y2,
+        )   # nothing overflows
         area = np.int32(np.int32(np.int32(x2 - x0) * np.int32(y1 - y0)) - np.int32(np.int32(x1 - x0) * np.int32(y2 - y0)))
-        lx, hx = max(np.int32(np.int32(left - high + _ROUND) >> _EIGHT), _NONE), min(np.int32(np.int32(right - low) >> _EIGHT), last_x)
-        ly, hy = max(np.int32(np.int32(top - high + _ROUND) >> _EIGHT), _NONE), min(np.int32(np.int32(bottom - low) >> _EIGHT), last_y)
+        lx, hx = max(np.int32(np.int32(left - high + _ROUND) >> _EIGHT), _ZERO), min(np.int32(np.int32(right - low) >> _EIGHT), last_x)
+        ly, hy = max(np.int32(np.int32(top - high + _ROUND) >> _EIGHT), _ZERO), min(np.int32(np.int32(bottom - low) >> _EIGHT), last_y)
         keep = ((area > 0) | ((area < 0) & (not cull))) & (lx <= hx) & (ly <= hy)
         # A single sample, and half of those triangles of a fine mesh miss it. Edges as in `edges`, of the triangle turned to the front.
         px, py = np.int32(np.int32(lx << _EIGHT) + low), np.int32(np.int32(ly << _EIGHT) + low)
@@ -171,8 +177,8 @@ def keep_other(t, extra, place, triangles, screen, clipped_source, clipped_scree
 def _count(queue, triangles, screen, clipped_source, clipped_screen, part_start, part_mode, part_cull, mode,
            low, high, width, height, tile_log2, across, kept, boxes, kept_count, counts):  # fmt: skip
     """Pass one: the survivors of each chunk, the box of tiles each touches, and how many fall in each tile."""
-    triangles, screen, clipped_source, clipped_screen = jit.borrow(triangles), jit.borrow(screen), jit.borrow(clipped_source), jit.borrow(clipped_screen)
-    kept, boxes, counts = jit.borrow(kept), jit.borrow(boxes), jit.borrow(counts)
+    triangles, screen, kept, boxes = jit.borrow(triangles), jit.borrow(screen), jit.borrow(kept), jit.borrow(boxes)
+    clipped_source, clipped_screen, counts = jit.borrow(clipped_source), jit.borrow(clipped_screen), jit.borrow(counts)
     own = np.zeros(_ROWS * _BLOCK, np.int32)
     c = jit.borrow(own)
     m, chunks = len(triangles), len(counts)
@@ -264,7 +270,7 @@ def bin_triangles(triangles: Array, screen: Array, clipped: Clipped, parts: Part
     across, down = -(-window.width // tile), -(-window.height // tile)
     m, places = len(triangles), len(triangles) + len(clipped.source)
     chunks = max(1, min(4 * threads if threads > 1 else 1, m // 1024))
-    kept, boxes = np.empty(places, np.int32), np.empty((places, 4), np.int16)
+    kept, boxes = reusable((places,), np.int32), reusable((places, 4), np.int16)
     kept_count, counts = np.zeros(chunks, np.int64), np.zeros((chunks, across * down), np.int32)
     threads = min(threads, chunks)
     jit.run(
@@ -275,6 +281,6 @@ def bin_triangles(triangles: Array, screen: Array, clipped: Clipped, parts: Part
     total = _scan(counts, start)
     if total >= 1 << 31:
         raise InputError(f"{total} entries in the tiles' triangle lists: expected fewer than 2^31; draw in windows or with larger tiles")
-    ids = np.empty(total, np.int32)
+    ids = reusable((total,), np.int32)
     jit.run(_fill, threads, m, clipped.source, across, kept, boxes, kept_count, counts, ids)
     return Bins(start, ids, across, down, tile)

@@ -24,8 +24,44 @@ from luxel.raster.constants import NOTHING
 from luxel.raster.edge import edges
 from luxel.raster.lanes import LANES, draw_inside, draw_span
 from luxel.raster.setup import (
-    A0, A1, A2, ACROSS, AT, AT_X, AT_Y, B0, B1, B2, BATCH, DEPTH, DOWN, E0, E1, E2, FEW_PIXELS, HIGH, KIND, LOW, MANY, POINT, POINT_DEPTH,
-    SIZE, SPAN_LEFT, SPAN_RIGHT, STEP_X, STEP_Y, X0, X1, X2, Y0, Y1, Y2, T, load_batch, place_batch, set_up_batch,
+    A0,
+    A1,
+    A2,
+    ACROSS,
+    AT,
+    AT_X,
+    AT_Y,
+    B0,
+    B1,
+    B2,
+    BATCH,
+    DEPTH,
+    DOWN,
+    E0,
+    E1,
+    E2,
+    FEW_PIXELS,
+    HIGH,
+    KIND,
+    LOW,
+    MANY,
+    POINT,
+    POINT_DEPTH,
+    SIZE,
+    SPAN_LEFT,
+    SPAN_RIGHT,
+    STEP_X,
+    STEP_Y,
+    X0,
+    X1,
+    X2,
+    Y0,
+    Y1,
+    Y2,
+    T,
+    load_batch,
+    place_batch,
+    set_up_batch,
 )  # fmt: skip
 
 _I, _F = np.int32, np.float32
@@ -56,11 +92,12 @@ def load(t, triangles, screen, screen_f, clipped_screen, clipped_f):
 @jit.inlined
 def draw_few(i, c, first, tile, depth, ids):
     """Draw small triangle `i` of the batch at the samples that begin at element `first`."""
-    at, across, y = first + np.int64(c[AT + i]), np.int64(c[ACROSS + i]) + 1, bits_float(c[AT_Y + i])
+    at, across, t = first + np.int64(c[AT + i]), np.int64(c[ACROSS + i]) + 1, c[T + i]
+    x, y, low, high = bits_float(c[AT_X + i]), bits_float(c[AT_Y + i]), bits_float(c[LOW + i]), bits_float(c[HIGH + i])
+    z, zx, zy = bits_float(c[DEPTH + i]), bits_float(c[STEP_X + i]), bits_float(c[STEP_Y + i])
     e0, e1, e2 = c[E0 + i], c[E1 + i], c[E2 + i]
     for _ in range(c[DOWN + i] + 1):
-        draw_inside(depth, ids, at, across, e0, e1, e2, c[A0 + i], c[A1 + i], c[A2 + i], bits_float(c[AT_X + i]),
-                    bits_float(c[DEPTH + i]) + bits_float(c[STEP_Y + i]) * y, bits_float(c[STEP_X + i]), bits_float(c[LOW + i]), bits_float(c[HIGH + i]), c[T + i])  # fmt: skip
+        draw_inside(depth, ids, at, across, e0, e1, e2, c[A0 + i], c[A1 + i], c[A2 + i], x, z + zy * y, zx, low, high, t)
         e0, e1, e2 = _I(e0 + c[B0 + i]), _I(e1 + c[B1 + i]), _I(e2 + c[B2 + i])
         at, y = at + tile, y + _F(1.0)
 

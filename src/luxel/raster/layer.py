@@ -12,6 +12,7 @@ import numpy as np
 
 from luxel import jit
 from luxel.arrays import Array
+from luxel.memory import reusable
 from luxel.raster.bin import Bins, Clipped
 from luxel.raster.constants import NOTHING
 from luxel.raster.cover import load
@@ -142,6 +143,6 @@ def layer(bins: Bins, geometry: Geometry, screen: Array, clipped: Clipped, mater
     jit.run(
         _layer, min(threads, last_tile - first_tile), first_tile, last_tile, bins.across, bins.tile, width, height, bins.start, bins.triangles,
         geometry, screen, screen.view(np.float32), clipped, clipped.screen.view(np.float32), materials, CUTOFF, pattern, peel, depths, ids,
-        np.empty(ids.shape if peel else (0, ids.shape[1]), np.float32), peeled if peel else nothing, found,
+        reusable(ids.shape if peel else (0, ids.shape[1]), np.float32), peeled if peel else nothing, found,
     )  # fmt: skip
     return bool(found.any())

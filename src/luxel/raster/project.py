@@ -17,6 +17,7 @@ import numpy as np
 
 from luxel import jit
 from luxel.arrays import Array
+from luxel.memory import reusable
 from luxel.raster.constants import (
     GUARD_HIGH,
     GUARD_LOW,
@@ -147,15 +148,10 @@ def _project(queue, positions, m, least_depth, window, screen, screen_f, unsafe)
         chunk = jit.take(queue)
 
 
-def project(positions: Array, view: View, window: Window, threads: int, screen: Array | None = None) -> tuple[Array, int]:
-    """Project (n, 3) float32 positions; returns (screen (n, 4) int32, how many vertices are unsafe and need clipping).
-
-    `screen`, if given and large enough, is reused.
-    """
+def project(positions: Array, view: View, window: Window, threads: int) -> tuple[Array, int]:
+    """Project (n, 3) float32 positions; returns (screen (n, 4) int32, how many vertices are unsafe and need clipping)."""
     n = len(positions)
-    if screen is None or len(screen) < n:
-        screen = np.empty((n, 4), np.int32)
-    screen = screen[:n]
+    screen = reusable((n, 4), np.int32)
     unsafe = np.zeros(n // _CHUNK + 1, np.int64)
     jit.run(
         _project, min(threads, len(unsafe)), positions, view.clip_from_world, view.least_depth,

@@ -18,6 +18,7 @@ import numpy as np
 from luxel import jit
 from luxel.arrays import Array, checked
 from luxel.errors import InputError
+from luxel.memory import reusable
 from luxel.raster import warm
 from luxel.raster.bin import BLEND, MASK, NO_CLIPPED, OPAQUE, Bins, bin_triangles
 from luxel.raster.clip import clip
@@ -280,8 +281,8 @@ def _draw(prepared: Prepared, camera: Camera | None, size: tuple[int, int], opti
     seen = _see(prepared, camera, size, previous, options.threads)
     names = set(options.outputs)
     target = Target(
-        np.empty((last - first, width), np.uint32) if "color" in names else _NO_COLOR,
-        np.empty((last - first, width, 4), np.float32) if "linear" in names else _NO_LINEAR,
+        reusable((last - first, width), np.uint32) if "color" in names else _NO_COLOR,
+        reusable((last - first, width, 4), np.float32) if "linear" in names else _NO_LINEAR,
         _NO_SAMPLES,
     )
     outputs = Outputs.wanted(names - {"motion"} if previous is None else names, width, last - first)
@@ -394,7 +395,8 @@ class _Band:
             return
         target = self.target
         if self.per_sample:
-            target = Target(_NO_COLOR, _NO_LINEAR, np.zeros((last - first, 4 * self.pixels), np.float32))
+            target = Target(_NO_COLOR, _NO_LINEAR, reusable((last - first, 4 * self.pixels), np.float32))
+            target.samples.fill(0.0)
         self._shade(first, last, ids, target, self.occupied)
         self.clock.lap("shade")
         if self.per_sample:
@@ -406,8 +408,8 @@ class _Band:
 
     def _visible(self, first: int, last: int) -> tuple[Array, Array]:
         o, w, geometry = self.options, self.window, self.seen.geometry
-        ids = np.empty((last - first, self.pixels + LANES), np.int32)
-        depths = np.empty((last - first if self.keep_depth else 0, self.pixels + LANES), np.float32)
+        ids = reusable((last - first, self.pixels + LANES), np.int32)
+        depths = reusable((last - first if self.keep_depth else 0, self.pixels + LANES), np.float32)
         cover(self.bins[OPAQUE], geometry.triangles, self.screen, self.clipped, o.positions, w.width, w.height, first, last, ids, depths,
               o.threads or 1, len(self.bins) > 1)  # fmt: skip
         if MASK in self.bins:
@@ -427,7 +429,7 @@ class _Band:
               o.threads or 1)  # fmt: skip
 
     def _blend(self, first: int, last: int, ids: Array, depths: Array, target: Target) -> None:
-        peeled = np.empty_like(ids)
+        peeled = reusable(ids.shape, np.int32)
         occupied = (np.diff(self.bins[BLEND].start) > 0).astype(np.uint8)
         while self._layer(BLEND, first, last, ids, depths, peeled):
             self._shade(first, last, peeled, target, occupied)

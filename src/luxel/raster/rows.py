@@ -19,6 +19,10 @@ if jit.DISABLED:
         """Bits k of `count` (1 to 64) where ids[first + k] is ids[second + k]."""
         return np.uint64(sum(1 << k for k in range(count) if ids[first + k] == ids[second + k]))
 
+    def copy(to, at, codes, first, count):
+        """to[at + k] = codes[first + k]; uint32, and nothing beyond is written."""
+        to[at : at + count] = codes[first : first + count]
+
     def fill(g, first, count, value):
         """g[first + k] = value."""
         g[first : first + count] = value
@@ -44,8 +48,8 @@ if jit.DISABLED:
             g[first + k] = (slope - (g[value + k] - origin) * slope_w) * (g[scale + k] * footprint)
 
 else:
-    from luxel.jit import array_data, intrinsic, ir, types
-    from luxel.raster.lanes import _F, _IOTA_F, _L, _VF, _VI, _groups, _splat
+    from luxel.jit import array_data, cgutils, intrinsic, ir, types
+    from luxel.raster.lanes import _B, _F, _I, _IOTA_F, _L, _VF, _VI, _groups, _splat
 
     _BITS = ir.IntType(LANES)
 
@@ -77,6 +81,23 @@ else:
             return builder.lshr(builder.shl(more, unused), unused)
 
         return types.uint64(ids, types.int64, types.int64, types.int64), codegen
+
+    @intrinsic
+    def copy(typingctx, to, at, codes, first, count):
+        """to[at + k] = codes[first + k]; uint32, and nothing beyond is written."""
+
+        def codegen(context, builder, signature, arguments):
+            _, at, _, first, count = arguments
+            target, source = (array_data(context, builder, signature, arguments, which) for which in (0, 2))
+            pointer = _VI.as_pointer()
+            function_type = ir.FunctionType(ir.VoidType(), [_VI, pointer, _I, ir.VectorType(_B, LANES)])
+            store = cgutils.get_or_insert_function(builder.module, function_type, "llvm.masked.store.v8i32.p0")
+            with _groups(builder, count) as (k, mask, _):
+                where = builder.bitcast(builder.gep(target, [builder.add(at, k)]), pointer)
+                builder.call(store, [_ids(builder, source, builder.add(first, k)), where, ir.Constant(_I, 4), mask])
+            return context.get_dummy_value()
+
+        return types.none(to, types.int64, codes, types.int64, types.int64), codegen
 
     def _row(builder, data, index):
         """Pointer to eight elements."""

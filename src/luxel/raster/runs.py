@@ -61,7 +61,8 @@ class Setups(NamedTuple):
         stored: (SETUPS, STORED) float32, what `fragments` stores of it.
         table: (2 * SETUPS,) int32, finds a triangle by its low bits.
         sources: (FRAGMENTS, 4) int32, scratch: source triangle and vertices.
-        same: (MOST_SAMPLES, MOST_SAMPLES) uint64, scratch: in which pixels two samples have the same triangle.
+        same: (MOST_SAMPLES * WORD,) int32, scratch: for each sample and pixel, the bits of the samples that have the same triangle.
+        mean: (256, 2) float32, mean place in the pixel, in pixels, of the samples in a mask; of up to 8 samples.
     """
 
     triangle: Array
@@ -70,6 +71,7 @@ class Setups(NamedTuple):
     table: Array
     sources: Array
     same: Array
+    mean: Array
 
 
 @jit.inlined
@@ -93,39 +95,43 @@ def add_run(r, runs, n, setup, pixel, mask, x, y):
     r.head[k], r.pixel[k], r.setup[k], r.mask[k], r.x[k], r.y[k] = n, pixel, setup, mask, x, y
 
 
+def mean_places(pattern: Array) -> Array:
+    """(256, 2) float32 for `Setups.mean`; what has no samples is 0."""
+    has = np.arange(256)[:, None] >> np.arange(min(len(pattern), 8)) & 1
+    total = has @ pattern[:8]
+    return (total / np.maximum(has.sum(1, keepdims=True), 1) / 256).astype(np.float32)
+
+
 @jit.part
 def compare_samples(ids, first, width, samples, pixels, same):
-    """In which of `width` pixels from element `first` on the samples differ. Where any do, `same` says which are equal to which."""
+    """In which of `width` pixels from element `first` on the samples differ; where any do, `same` says which are equal to which."""
     equal = ~np.uint64(0) >> np.uint64(WORD - width)
     differ = np.uint64(0)
     for s in range(1, samples):
-        same[0, s] = where_same(ids, first, first + s * pixels, width)
-        differ |= equal & ~same[0, s]
+        differ |= equal & ~where_same(ids, first, first + s * pixels, width)
     if differ != np.uint64(0):
-        for s in range(1, samples):
-            for other in range(s + 1, samples):
-                same[s, other] = where_same(ids, first + s * pixels, first + other * pixels, width)
+        for s in range(samples):
+            row, here = np.uint64(s * WORD), np.uint64(first + s * pixels)
+            for k in range(np.uint64(0), np.uint64(WORD)):
+                same[row + k] = 0
+            for other in range(samples):
+                bit, there = np.int32(1 << other), np.uint64(first + other * pixels)
+                for k in range(np.uint64(0), np.uint64(width)):
+                    same[row + k] |= bit if ids[here + k] == ids[there + k] else np.int32(0)
     return differ
 
 
 @jit.inlined
-def equal_samples(s, pixel, same, samples):
-    """The samples of bit `pixel` of `same`, from `s` on, that have the same triangle as sample `s`."""
-    bits = np.uint64(1) << np.uint64(s)
-    for other in range(s + 1, samples):
-        bits |= (same[s, other] >> np.uint64(pixel) & np.uint64(1)) << np.uint64(other)
-    return bits
-
-
-@jit.inlined
-def mean_place(bits, pattern):
+def mean_place(bits, mean, pattern):
     """The mean of the places in a pixel of the samples in `bits`, in pixels."""
-    sum_x, sum_y, count, rest = 0, 0, count_bits(bits), bits
+    if bits < np.uint64(256):
+        return mean[bits, 0], mean[bits, 1]
+    sum_x, sum_y, rest = 0, 0, bits
     while rest != np.uint64(0):
         s = lowest_bit(rest)
         sum_x, sum_y = sum_x + np.int64(pattern[s, 0]), sum_y + np.int64(pattern[s, 1])
         rest &= rest - np.uint64(1)
-    share = _F(1 / 256) / _F(count)
+    share = _F(1 / 256) / _F(count_bits(bits))
     return _F(sum_x) * share, _F(sum_y) * share
 
 
@@ -167,11 +173,11 @@ def gather(r, setups, count, plane, cursor, ids, pattern, every_sample, tile, wi
                 left = everything
                 while left != np.uint64(0):
                     s = lowest_bit(left)
-                    bits = equal_samples(s, begin, setups.same, samples)
+                    bits = np.uint64(setups.same[np.uint64(s * WORD + begin)])
                     left &= ~bits
                     t = ids[np.uint64(s * pixels + first + begin)]
                     if t >= 0:
-                        dx, dy = mean_place(bits, pattern)
+                        dx, dy = mean_place(bits, setups.mean, pattern)
                         setup, count = find(t, setups, count, triangles)
                         add_run(r, runs, n, setup, cursor + begin, bits, _F(x + begin) + dx, _F(y) + dy)
                         runs += 1

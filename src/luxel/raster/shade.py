@@ -19,12 +19,17 @@ from luxel.raster.channels import CR, EB, EG, ER, FRAGMENTS, FRONT, LE, NX, OA, 
 from luxel.raster.encode import encode, pack, srgb_code, unit_code
 from luxel.raster.fragments import SIZE, STORED, Eye, attributes, set_up, view_vectors
 from luxel.raster.geometry import Geometry
+from luxel.raster.lanes import LANES
 from luxel.raster.lighting import LightTable, light
 from luxel.raster.materials import MaterialTable
-from luxel.raster.runs import MOST_SAMPLES, SETUPS, Runs, Setups, gather
+from luxel.raster.rows import WORD, copy
+from luxel.raster.runs import MOST_SAMPLES, SETUPS, Runs, Setups, gather, mean_places
 from luxel.raster.surface import surface
 
 _F = np.float32
+
+
+_ER, _EG, _EB, _LE, _OR, _OG, _OB = (np.uint64(row) for row in (ER, EG, EB, LE, OR, OG, OB))
 
 
 class Target(NamedTuple):
@@ -44,40 +49,49 @@ class Target(NamedTuple):
 @jit.part
 def write_opaque(g, r, runs, n, samples, tile, exposure, background, codes, color, top, left):
     """Write opaque fragments straight to the picture, over the background where they have not all samples of their pixel; `codes`
-    (FRAGMENTS,) uint32 is scratch."""
+    (FRAGMENTS + LANES,) uint32 is scratch."""
     log2 = lowest_bit(np.uint64(tile))
     everything = ~np.uint64(0) >> np.uint64(64 - samples)
     encode(g, n, exposure, codes)
-    run, edges = 0, 0
+    run = 0
     while run < runs:
-        first, pixel = np.int64(r.head[run]), np.int64(r.pixel[run])
-        y, x = pixel >> log2, pixel & (tile - 1)
-        if r.mask[run] == everything:
-            end = pixel + r.head[run + 1] - first
+        k = np.uint64(run)
+        run += 1
+        if r.mask[k] != everything:
+            continue
+        first, pixel = np.int64(r.head[k]), np.int64(r.pixel[k])
+        end = pixel + np.int64(r.head[k + np.uint64(1)]) - first
+        while run < runs and r.pixel[np.uint64(run)] == end and end & (tile - 1) != 0 and r.mask[np.uint64(run)] == everything:
+            end += np.int64(r.head[np.uint64(run + 1)] - r.head[np.uint64(run)])
             run += 1
-            while run < runs and r.pixel[run] == end and end & (tile - 1) != 0 and r.mask[run] == everything:
-                end += r.head[run + 1] - r.head[run]
-                run += 1
-            row = color[np.uint64(top + y)]
-            for k in range(np.uint64(0), np.uint64(end - pixel)):
-                row[np.uint64(left + x) + k] = codes[np.uint64(first) + k]
-        else:
-            # Fragments of one pixel follow each other. Their sums take the place of light's scratch, at the number of the pixel.
-            alpha = red = green = blue = _F(0.0)
-            while run < runs and r.pixel[run] == pixel:
-                share = _F(count_bits(r.mask[run])) * (_F(1.0) / _F(samples))
-                k = np.uint64(r.head[run])
-                red, green, blue = red + g[np.uint64(OR) + k] * share, green + g[np.uint64(OG) + k] * share, blue + g[np.uint64(OB) + k] * share
-                alpha += share
-                run += 1
-            k = np.uint64(edges)
-            g[np.uint64(ER) + k], g[np.uint64(EG) + k], g[np.uint64(EB) + k], g[np.uint64(LE) + k] = red, green, blue, alpha
+        copy(color[np.uint64(top + (pixel >> log2))], left + (pixel & (tile - 1)), codes, first, end - pixel)
+    if samples > 1:
+        edges = sum_edges(g, r, runs, samples, everything)
+        lay_over(g, edges, exposure, background, codes)
+        for k in range(np.uint64(0), np.uint64(edges)):
+            pixel = np.int64(r.edge[k])
+            color[np.uint64(top + (pixel >> log2)), np.uint64(left + (pixel & (tile - 1)))] = codes[k]
+
+
+@jit.part
+def sum_edges(g, r, runs, samples, everything):
+    """Sum the fragments of pixels that several triangles share, which follow each other, in place of light's scratch; `edge` gets the pixels.
+    Returns their number."""
+    edges, last = -1, np.int32(-1)
+    one = _F(1.0) / _F(samples)
+    for run in range(np.uint64(0), np.uint64(runs)):
+        mask = r.mask[run]
+        if mask != everything:
+            pixel, i, share = r.pixel[run], np.uint64(r.head[run]), _F(count_bits(mask)) * one
+            again = pixel == last
+            edges += 0 if again else 1
+            last, k = pixel, np.uint64(edges)
             r.edge[k] = pixel
-            edges += 1
-    lay_over(g, edges, exposure, background, codes)
-    for k in range(np.uint64(0), np.uint64(edges)):
-        pixel = np.int64(r.edge[k])
-        color[np.uint64(top + (pixel >> log2)), np.uint64(left + (pixel & (tile - 1)))] = codes[k]
+            g[_ER + k] = g[_OR + i] * share + (g[_ER + k] if again else _F(0.0))
+            g[_EG + k] = g[_OG + i] * share + (g[_EG + k] if again else _F(0.0))
+            g[_EB + k] = g[_OB + i] * share + (g[_EB + k] if again else _F(0.0))
+            g[_LE + k] = share + (g[_LE + k] if again else _F(0.0))
+    return edges + 1
 
 
 @jit.part
@@ -169,19 +183,19 @@ def write_tile(sums, empty, tile, px, py, wide, high, exposure, background, colo
 
 @jit.parallel_kernel
 def _shade(queue, first_tile, last_tile, across, tile, width, height, occupied, all_ids, pattern, every_sample, geometry, screen, screen_f,
-           clipped, clipped_f, materials, lights, eye, features, rich, footprint, exposure, background, left, top, target):  # fmt: skip
+           clipped, clipped_f, materials, lights, eye, features, rich, footprint, exposure, background, left, top, target, mean):  # fmt: skip
     geometry, clipped, materials, lights = jit.borrow(geometry), jit.borrow(clipped), jit.borrow(materials), jit.borrow(lights)
     screen, screen_f, clipped_f, pattern = jit.borrow(screen), jit.borrow(screen_f), jit.borrow(clipped_f), jit.borrow(pattern)
     ids, eye, background, target = jit.borrow(all_ids), jit.borrow(eye), jit.borrow(background), jit.borrow(target)
     samples, pixels = len(pattern), tile * tile
-    own_g, own_sums, own_codes = np.zeros(SIZE, np.float32), np.zeros(4 * pixels, np.float32), np.zeros(FRAGMENTS, np.uint32)
+    own_g, own_sums, own_codes = np.zeros(SIZE, np.float32), np.zeros(4 * pixels, np.float32), np.zeros(FRAGMENTS + LANES, np.uint32)
     own_runs = Runs(
         np.zeros(FRAGMENTS + 1, np.int32), np.zeros(FRAGMENTS, np.int32), np.zeros(FRAGMENTS, np.int32), np.zeros(FRAGMENTS, np.uint64),
         np.zeros(FRAGMENTS, np.float32), np.zeros(FRAGMENTS, np.float32), np.zeros(FRAGMENTS, np.int32),
     )  # fmt: skip
     own_setups = Setups(
         np.zeros(SETUPS, np.int32), np.zeros(SETUPS, np.int32), np.zeros((SETUPS, STORED), np.float32), np.zeros(2 * SETUPS, np.int32),
-        np.zeros((FRAGMENTS, 4), np.int32), np.zeros((MOST_SAMPLES, MOST_SAMPLES), np.uint64),
+        np.zeros((FRAGMENTS, 4), np.int32), np.zeros(MOST_SAMPLES * WORD, np.int32), mean,
     )  # fmt: skip
     own_material = np.full(FRAGMENTS, geometry.part_material[0] if len(geometry.part_material) > 0 else 0, np.int32)
     g, sums, codes, r, setups = jit.borrow(own_g), jit.borrow(own_sums), jit.borrow(own_codes), jit.borrow(own_runs), jit.borrow(own_setups)
@@ -246,7 +260,7 @@ def shade(bins: Bins, occupied: Array, first_tile: int, last_tile: int, width: i
     jit.run(
         _shade, min(threads, last_tile - first_tile), first_tile, last_tile, bins.across, bins.tile, width, height, occupied, ids, pattern,
         every_sample, geometry, screen, screen.view(np.float32), clipped, clipped.screen.view(np.float32), materials, lights, eye, features,
-        True if materials.rich else None, footprint, _F(exposure), background, left, top, target,
+        True if materials.rich else None, footprint, _F(exposure), background, left, top, target, mean_places(pattern),
     )  # fmt: skip
 
 
