@@ -34,10 +34,10 @@ class _Lease:
         start = -memory.ctypes.data % _ALIGNMENT
         self.__array_interface__: dict[str, Any] = memory[start : len(memory) - _ALIGNMENT + start].__array_interface__
 
-    def __del__(self, idle: deque[Array] = _idle) -> None:  # bound here, because at the interpreter's end modules lose their names first
+    def __del__(self, idle: deque[Array] = _idle, most: int = MOST_IDLE) -> None:  # bound here: modules lose their names before the last arrays go
         idle.append(self.memory)
         try:
-            while sum(map(len, tuple(idle))) > MOST_IDLE:
+            while sum(map(len, tuple(idle))) > most:
                 idle.popleft()
         except IndexError:  # another thread was quicker
             pass

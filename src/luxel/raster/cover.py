@@ -190,7 +190,7 @@ def _cover(queue, first_tile, last_tile, across, tile, width, height, start, bin
                     draw_batch(n, c, sx, sy, s * pixels, tile, depth, ids)
                 begin += n
         number = first_tile + jit.take(queue)
-    own[0] = np.int32(own_depth[0])  # the scratch must live until here: borrowing does not keep it
+    own[0] = len(own_depth)  # the scratch must live until here: borrowing does not keep it
 
 
 def cover(bins: Bins, triangles: Array, screen: Array, clipped: Clipped, pattern: Array, width: int, height: int,

@@ -55,10 +55,8 @@ else:
         one = builder.insert_element(ir.Constant(vector, ir.Undefined), value, ir.Constant(_I, 0))
         return builder.shuffle_vector(one, ir.Constant(vector, ir.Undefined), ir.Constant(ir.VectorType(_I, LANES), [0] * LANES))
 
-    def _blend(builder, depth, ids, mask, x, z, slope, low, high, t):
+    def _blend(builder, depth, ids, mask, d, low, high, t):
         """Eight lanes of `draw_pixel` at the pointers `depth` and `ids`, where `mask`."""
-        xs = builder.fadd(_splat(builder, x, _VF), _IOTA_F)
-        d = builder.fadd(_splat(builder, z, _VF), builder.fmul(_splat(builder, slope, _VF), xs))
         low, high = _splat(builder, low, _VF), _splat(builder, high, _VF)
         d = builder.select(builder.fcmp_ordered(">", d, low), d, low)
         d = builder.select(builder.fcmp_ordered("<", d, high), d, high)
@@ -70,22 +68,30 @@ else:
         builder.store(builder.select(mask, d, old_depth), depth, align=4)
         builder.store(builder.select(mask, _splat(builder, t, _VI), old_ids), ids, align=4)
 
+    def _from(builder, start, vector):
+        """start, start + 1, ... and what to add for the next group."""
+        first = _splat(builder, start, vector)
+        return (builder.fadd(first, _IOTA_F), ir.Constant(_VF, [float(LANES)] * LANES)) if vector is _VF else (
+            builder.add(first, _IOTA_I), ir.Constant(_VI, [LANES] * LANES))  # fmt: skip
+
+    def _depths(builder, x, z, slope):
+        return builder.fadd(_splat(builder, z, _VF), builder.fmul(_splat(builder, slope, _VF), x))
+
     @contextmanager
-    def _groups(builder, count, starts=(), steps=()):
-        """Loop over groups of lanes, at least once: gives the first pixel k of the group, the mask of lanes below `count`, and the vectors
-        that are `starts` in the first group and grow by `steps` from each to the next."""
+    def _groups(builder, count, *growing):
+        """Loop over groups of lanes, at least once: gives the first pixel k of the group, and the vectors `growing`, pairs of what they are
+        in the first group and what is added for each next."""
         entry, loop = builder.block, builder.append_basic_block("group")
         done = builder.append_basic_block("groups_done")
         builder.branch(loop)
         builder.position_at_end(loop)
-        k, values = builder.phi(_L), [builder.phi(_VI) for _ in starts]
+        k, values = builder.phi(_L), [builder.phi(start.type) for start, _ in growing]
         k.add_incoming(ir.Constant(_L, 0), entry)
-        for value, start in zip(values, starts, strict=True):
+        for value, (start, _) in zip(values, growing, strict=True):
             value.add_incoming(start, entry)
-        mask = builder.icmp_signed("<", _IOTA_I, _splat(builder, builder.trunc(builder.sub(count, k), _I), _VI))
-        yield k, mask, values
-        for value, step in zip(values, steps, strict=True):
-            value.add_incoming(builder.add(value, step), builder.block)
+        yield k, values
+        for value, (_, step) in zip(values, growing, strict=True):
+            value.add_incoming((builder.fadd if value.type == _VF else builder.add)(value, step), builder.block)
         following = builder.add(k, ir.Constant(_L, LANES))
         k.add_incoming(following, builder.block)
         builder.cbranch(builder.icmp_signed("<", following, count), loop, done)
@@ -99,11 +105,12 @@ else:
             _, _, first, skip, count, x, z, slope, low, high, t = arguments
             depth = array_data(context, builder, signature, arguments, 0)
             ids = array_data(context, builder, signature, arguments, 1)
-            with _groups(builder, builder.add(skip, count)) as (k, mask, _):
+            end = builder.add(skip, count)
+            begun, ended = (_splat(builder, builder.trunc(number, _I), _VI) for number in (skip, end))
+            with _groups(builder, end, _from(builder, ir.Constant(_I, 0), _VI), _from(builder, x, _VF)) as (k, (lane, x)):
                 i = builder.add(first, k)
-                begun = builder.icmp_signed(">=", _IOTA_I, _splat(builder, builder.trunc(builder.sub(skip, k), _I), _VI))
-                _blend(builder, builder.gep(depth, [i]), builder.gep(ids, [i]), builder.and_(mask, begun),
-                       builder.fadd(x, builder.sitofp(k, _F)), z, slope, low, high, t)  # fmt: skip
+                mask = builder.and_(builder.icmp_signed(">=", lane, begun), builder.icmp_signed("<", lane, ended))
+                _blend(builder, builder.gep(depth, [i]), builder.gep(ids, [i]), mask, _depths(builder, x, z, slope), low, high, t)
             return context.get_dummy_value()
 
         f, i = types.float32, types.int64
@@ -117,16 +124,14 @@ else:
             _, _, first, count, *edges, x, z, slope, low, high, t = arguments
             depth = array_data(context, builder, signature, arguments, 0)
             ids = array_data(context, builder, signature, arguments, 1)
-            starts, steps = [], []
+            growing = []
             for e, a in zip(edges[:3], edges[3:], strict=True):
                 a = _splat(builder, a, _VI)
-                starts.append(builder.add(_splat(builder, e, _VI), builder.mul(a, _IOTA_I)))
-                steps.append(builder.shl(a, ir.Constant(_VI, [3] * LANES)))
-            with _groups(builder, count, starts, steps) as (k, _, (e0, e1, e2)):
+                growing.append((builder.add(_splat(builder, e, _VI), builder.mul(a, _IOTA_I)), builder.shl(a, ir.Constant(_VI, [3] * LANES))))
+            with _groups(builder, count, *growing, _from(builder, x, _VF)) as (k, (e0, e1, e2, x)):
                 inside = builder.icmp_signed(">=", builder.or_(builder.or_(e0, e1), e2), ir.Constant(_VI, [0] * LANES))
                 i = builder.add(first, k)
-                _blend(builder, builder.gep(depth, [i]), builder.gep(ids, [i]), inside,
-                       builder.fadd(x, builder.sitofp(k, _F)), z, slope, low, high, t)  # fmt: skip
+                _blend(builder, builder.gep(depth, [i]), builder.gep(ids, [i]), inside, _depths(builder, x, z, slope), low, high, t)
             return context.get_dummy_value()
 
         f, i, e = types.float32, types.int64, types.int32

@@ -19,6 +19,12 @@ if jit.DISABLED:
         """Bits k of `count` (1 to 64) where ids[first + k] is ids[second + k]."""
         return np.uint64(sum(1 << k for k in range(count) if ids[first + k] == ids[second + k]))
 
+    def same_samples(ids, first, pixels, samples, s, same, at):
+        """same[at + k] = the bits of the samples whose id at `first` + k is that of sample `s`, for `LANES` pixels; planes lie `pixels` apart."""
+        for k in range(LANES):
+            mine = ids[first + s * pixels + k]
+            same[at + k] = sum(1 << other for other in range(samples) if ids[first + other * pixels + k] == mine)
+
     def copy(to, at, codes, first, count):
         """to[at + k] = codes[first + k]; uint32, and nothing beyond is written."""
         to[at : at + count] = codes[first : first + count]
@@ -49,7 +55,7 @@ if jit.DISABLED:
 
 else:
     from luxel.jit import array_data, cgutils, intrinsic, ir, types
-    from luxel.raster.lanes import _B, _F, _I, _IOTA_F, _L, _VF, _VI, _groups, _splat
+    from luxel.raster.lanes import _B, _F, _I, _IOTA_F, _L, _VF, _VI, _from, _groups, _splat
 
     _BITS = ir.IntType(LANES)
 
@@ -83,6 +89,35 @@ else:
         return types.uint64(ids, types.int64, types.int64, types.int64), codegen
 
     @intrinsic
+    def same_samples(typingctx, ids, first, pixels, samples, s, same, at):
+        """same[at + k] = the bits of the samples whose id at `first` + k is that of sample `s`, for `LANES` pixels; planes lie `pixels` apart."""
+
+        def codegen(context, builder, signature, arguments):
+            _, first, pixels, samples, s, _, at = arguments
+            data, target = (array_data(context, builder, signature, arguments, which) for which in (0, 5))
+            mine = _ids(builder, data, builder.add(first, builder.mul(s, pixels)))
+            none = ir.Constant(_VI, [0] * LANES)
+            entry, loop, done = builder.block, builder.append_basic_block("samples"), builder.append_basic_block("samples_done")
+            builder.branch(loop)
+            builder.position_at_end(loop)
+            other, plane, bit, bits = builder.phi(_L), builder.phi(_L), builder.phi(_VI), builder.phi(_VI)
+            for value, start in ((other, ir.Constant(_L, 0)), (plane, first), (bit, ir.Constant(_VI, [1] * LANES)), (bits, none)):
+                value.add_incoming(start, entry)
+            same = builder.icmp_signed("==", mine, _ids(builder, data, plane))
+            more, following = builder.or_(bits, builder.select(same, bit, none)), builder.add(other, ir.Constant(_L, 1))
+            other.add_incoming(following, loop)
+            plane.add_incoming(builder.add(plane, pixels), loop)
+            bit.add_incoming(builder.add(bit, bit), loop)
+            bits.add_incoming(more, loop)
+            builder.cbranch(builder.icmp_signed("<", following, samples), loop, done)
+            builder.position_at_end(done)
+            builder.store(more, builder.bitcast(builder.gep(target, [at]), _VI.as_pointer()), align=4)
+            return context.get_dummy_value()
+
+        i = types.int64
+        return types.none(ids, i, i, i, i, same, i), codegen
+
+    @intrinsic
     def copy(typingctx, to, at, codes, first, count):
         """to[at + k] = codes[first + k]; uint32, and nothing beyond is written."""
 
@@ -92,7 +127,9 @@ else:
             pointer = _VI.as_pointer()
             function_type = ir.FunctionType(ir.VoidType(), [_VI, pointer, _I, ir.VectorType(_B, LANES)])
             store = cgutils.get_or_insert_function(builder.module, function_type, "llvm.masked.store.v8i32.p0")
-            with _groups(builder, count) as (k, mask, _):
+            end = _splat(builder, builder.trunc(count, _I), _VI)
+            with _groups(builder, count, _from(builder, ir.Constant(_I, 0), _VI)) as (k, (lane,)):
+                mask = builder.icmp_signed("<", lane, end)
                 where = builder.bitcast(builder.gep(target, [builder.add(at, k)]), pointer)
                 builder.call(store, [_ids(builder, source, builder.add(first, k)), where, ir.Constant(_I, 4), mask])
             return context.get_dummy_value()
@@ -115,7 +152,7 @@ else:
 
         def codegen(context, builder, signature, arguments):
             data, (_, first, count, *rest) = array_data(context, builder, signature, arguments, 0), arguments
-            with _groups(builder, count) as (k, _, _):
+            with _groups(builder, count) as (k, _):
                 builder.store(value_at(builder, data, k, rest), _row(builder, data, builder.add(first, k)), align=4)
             return context.get_dummy_value()
 

@@ -15,8 +15,8 @@ from luxel import jit
 from luxel.arrays import Array
 from luxel.jit import count_bits, lowest_bit
 from luxel.raster.channels import FRAGMENTS
-from luxel.raster.lanes import prefetch
-from luxel.raster.rows import WORD, where_same
+from luxel.raster.lanes import LANES, prefetch
+from luxel.raster.rows import WORD, same_samples, where_same
 
 _F = np.float32
 
@@ -109,15 +109,14 @@ def compare_samples(ids, first, width, samples, pixels, same):
     differ = np.uint64(0)
     for s in range(1, samples):
         differ |= equal & ~where_same(ids, first, first + s * pixels, width)
-    if differ != np.uint64(0):
-        for s in range(samples):
-            row, here = np.uint64(s * WORD), np.uint64(first + s * pixels)
-            for k in range(np.uint64(0), np.uint64(WORD)):
-                same[row + k] = 0
-            for other in range(samples):
-                bit, there = np.int32(1 << other), np.uint64(first + other * pixels)
-                for k in range(np.uint64(0), np.uint64(width)):
-                    same[row + k] |= bit if ids[here + k] == ids[there + k] else np.int32(0)
+    group = 0
+    while differ >> np.uint64(group) != np.uint64(0):
+        if differ >> np.uint64(group) & np.uint64((1 << LANES) - 1) != np.uint64(0):
+            for s in range(samples):
+                same_samples(ids, first + group, pixels, samples, s, same, s * WORD + group)
+        group += LANES
+        if group == WORD:
+            break
     return differ
 
 
