@@ -53,18 +53,11 @@ def write_opaque(g, r, runs, n, samples, tile, exposure, background, codes, colo
     log2 = lowest_bit(np.uint64(tile))
     everything = ~np.uint64(0) >> np.uint64(64 - samples)
     encode(g, n, exposure, codes)
-    run = 0
-    while run < runs:
-        k = np.uint64(run)
-        run += 1
-        if r.mask[k] != everything:
-            continue
-        first, pixel = np.int64(r.head[k]), np.int64(r.pixel[k])
-        end = pixel + np.int64(r.head[k + np.uint64(1)]) - first
-        while run < runs and r.pixel[np.uint64(run)] == end and end & (tile - 1) != 0 and r.mask[np.uint64(run)] == everything:
-            end += np.int64(r.head[np.uint64(run + 1)] - r.head[np.uint64(run)])
-            run += 1
-        copy(color[np.uint64(top + (pixel >> log2))], left + (pixel & (tile - 1)), codes, first, end - pixel)
+    for run in range(np.uint64(0), np.uint64(runs)):
+        if r.mask[run] == everything:
+            first, pixel = np.int64(r.head[run]), np.int64(r.pixel[run])
+            row, x = color[np.uint64(top + (pixel >> log2))], left + (pixel & (tile - 1))
+            copy(row, x, codes, first, np.int64(r.head[run + np.uint64(1)]) - first)
     if samples > 1:
         edges = sum_edges(g, r, runs, samples, everything)
         lay_over(g, edges, exposure, background, codes)
