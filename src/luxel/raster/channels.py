@@ -9,7 +9,7 @@ asked for may hold anything. A batch of vertices works as well (Gouraud). Units:
 colours linear.
 """
 
-FRAGMENTS = 256
+FRAGMENTS = 512
 PITCH = FRAGMENTS + 16
 
 # In, with NEEDS_NORMAL: interpolated normal, in world space, of any length. Out of `surface`: unit shading normal.

@@ -25,6 +25,11 @@ if jit.DISABLED:
             mine = ids[first + s * pixels + k]
             same[at + k] = sum(1 << other for other in range(samples) if ids[first + other * pixels + k] == mine)
 
+    def same_of_four(ids, first, pixels, same, at, pitch):
+        """`same_samples` of all four samples at once, the bits of sample s from `at` + `pitch` * s on."""
+        for s in range(4):
+            same_samples(ids, first, pixels, 4, s, same, at + pitch * s)
+
     def copy(to, at, codes, first, count):
         """to[at + k] = codes[first + k]; uint32, and nothing beyond is written."""
         to[at : at + count] = codes[first : first + count]
@@ -116,6 +121,32 @@ else:
 
         i = types.int64
         return types.none(ids, i, i, i, i, same, i), codegen
+
+    @intrinsic
+    def same_of_four(typingctx, ids, first, pixels, same, at, pitch):
+        """`same_samples` of all four samples at once, the bits of sample s from `at` + `pitch` * s on."""
+
+        def codegen(context, builder, signature, arguments):
+            _, first, pixels, _, at, pitch = arguments
+            data, target = (array_data(context, builder, signature, arguments, which) for which in (0, 3))
+
+            def step(start, by):
+                return [builder.add(start, builder.mul(by, ir.Constant(_L, s))) for s in range(4)]
+
+            loaded = [_ids(builder, data, index) for index in step(first, pixels)]
+            bits = [ir.Constant(_VI, [1 << s] * LANES) for s in range(4)]
+            sums = list(bits)
+            for s in range(4):
+                for other in range(s + 1, 4):
+                    equal = builder.sext(builder.icmp_signed("==", loaded[s], loaded[other]), _VI)
+                    sums[s] = builder.or_(sums[s], builder.and_(equal, bits[other]))
+                    sums[other] = builder.or_(sums[other], builder.and_(equal, bits[s]))
+            for value, index in zip(sums, step(at, pitch), strict=True):
+                builder.store(value, builder.bitcast(builder.gep(target, [index]), _VI.as_pointer()), align=4)
+            return context.get_dummy_value()
+
+        i = types.int64
+        return types.none(ids, i, i, same, i, i), codegen
 
     @intrinsic
     def copy(typingctx, to, at, codes, first, count):
