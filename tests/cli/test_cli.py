@@ -10,11 +10,11 @@ import time
 import numpy as np
 import pytest
 
-from luxel import __version__
+from luxel import __version__, frame, load
 from luxel.cli import main
 from luxel.io.images import read_image, write_png
 
-COMMANDS = ["demo", "render", "info", "diff"]
+COMMANDS = ["demo", "render", "info", "diff", "study"]
 CUBE = """\
 v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1
 f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8
@@ -103,6 +103,16 @@ def test_what_is_missing_is_named(capsys, tmp_path):
         ("--size", "12by3"),
         ("--samples", "3"),
         ("--samples", "many"),
+        ("--size", "2000000x8"),
+        ("--exposure", "65"),
+        ("--exposure", "bright"),
+        ("--azimuth", "north"),
+        ("--turntable", "0"),
+        ("--ssaa", "9"),
+        ("--threads", "many"),
+        ("--previous", "azimut=3"),
+        ("--previous", "azimuth=3"),
+        ("--outputs", "motion"),
         ("--filter", "bx"),
         ("--shading", "toon"),
         ("--background", "blurple"),
@@ -120,7 +130,9 @@ def test_what_is_missing_is_named(capsys, tmp_path):
     ],
 )
 def test_wrong_values_name_the_option(capsys, cube, tmp_path, option, value):
-    assert option in error_of(capsys, "render", cube, "-o", tmp_path / "a.png", option, value)
+    err = error_of(capsys, "render", cube, "-o", tmp_path / "a.npz", option, value)
+    assert err.startswith(f"luxel: error: {option}")
+    assert "expected" in err or "needs" in err
     assert os.listdir(tmp_path) == ["cube.obj"]
 
 
@@ -294,6 +306,30 @@ def test_turntable_numbers_its_files(capsys, cube, tmp_path):
     a, b, c = (read_image(path) for path in expected)
     assert (a != b).any()
     assert (b != c).any()
+
+
+def test_motion_is_that_of_the_picture_before(cube, tmp_path):
+    """What one picture shows at a pixel, the other shows where its motion says."""
+    path = tmp_path / "motion.npz"
+    words = ["-o", str(path), "--size", "64", "--samples", "1", "--outputs", "position,motion", "-q"]
+    assert main(["render", str(cube), *words, "--azimuth", "10", "--previous", "azimuth=12"]) == 0
+    with np.load(path) as arrays:
+        position, motion = arrays["position"].astype(float), arrays["motion"]
+    seen = np.abs(motion).sum(-1) > 0
+    assert seen.sum() > 500
+    corners = np.column_stack([position[seen], np.ones(seen.sum())])
+    clip = corners @ frame(load(cube), np.radians(12), size=(64, 64)).clip_from_world((64, 64)).T
+    before = 32 + 32 * clip[:, :2] / clip[:, 3:] * [1, -1]
+    now = np.argwhere(seen)[:, ::-1] + 0.5
+    assert np.abs(motion[seen] - (now - before)).max() < 1e-3
+
+
+def test_motion_in_a_turntable(cube, tmp_path):
+    words = ["--size", "24", "--outputs", "motion", "--turntable", "3", "-q"]
+    assert main(["render", str(cube), "-o", str(tmp_path / "t.npz"), *words]) == 0
+    for i in range(3):
+        with np.load(tmp_path / f"t_{i:03}.npz") as arrays:
+            assert np.abs(arrays["motion"]).max() > 1
 
 
 def test_options_reach_the_renderer(cube, tmp_path):

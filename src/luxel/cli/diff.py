@@ -19,7 +19,7 @@ EXAMPLE = "luxel diff before.png after.png --max-rmse 0.01 --output difference.p
 def diff(
     a: Annotated[Path, typer.Argument(metavar="A", help="A picture: .png, .jpg, .exr, .hdr and others.")],
     b: Annotated[Path, typer.Argument(metavar="B", help="Another of the same size.")],
-    max_rmse: Annotated[float, typer.Option("--max-rmse", metavar="X", help="Up to this RMSE (white is 1) they count as the same.")] = 0.0,
+    max_rmse: Annotated[str, typer.Option("--max-rmse", metavar="X", help="Up to this RMSE (white is 1) they count as the same.")] = "0",
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", metavar="FILE", help="A .png of where they differ; white differs most."),
@@ -31,17 +31,15 @@ def diff(
 
     Exit code 0: the same. 1: different. 2: they cannot be compared.
     """
-    from luxel.errors import InputError
     from luxel.filter.metrics import difference_picture
     from luxel.io.images import write_png
 
-    if not max_rmse >= 0:
-        raise InputError(f"--max-rmse: expected a number of at least 0, got {max_rmse}")
+    most = values.number(max_rmse, "--max-rmse", "a number of at least 0", lambda x: x >= 0)
     if output is not None:
         values.output(output, (".png",))
     first, second = _pair(a, b)
     figures = _figures(first, second)
-    same = figures["rmse"] <= max_rmse
+    same = figures["rmse"] <= most
     if output is not None:
         write_png(output, difference_picture(first, second))
     data = {"same": same, **figures, "output": None if output is None else str(output)}

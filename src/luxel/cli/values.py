@@ -6,13 +6,14 @@ import difflib
 import importlib.util
 import math
 import re
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import TypeVar
 
 from luxel.errors import ExtraMissingError, FileError, InputError
 
 T = TypeVar("T")
+LARGEST = 1 << 20  # pixels a side, as `luxel.render` has it
 
 
 def size(text: str) -> tuple[int, int]:
@@ -21,7 +22,29 @@ def size(text: str) -> tuple[int, int]:
     width, height = (int(found[1]), int(found[2] or found[1])) if found else (0, 0)
     if width < 1 or height < 1:
         raise InputError(f"--size: expected WIDTHxHEIGHT in pixels, such as 1280x720, got {text!r}")
+    if max(width, height) > LARGEST:
+        raise InputError(f"--size: expected at most {LARGEST} pixels a side, got {text!r}")
     return width, height
+
+
+def whole(text: str, option: str, low: int, high: int | None = None) -> int:
+    """ "4" to 4, if it lies in low .. high."""
+    value = int(text) if re.fullmatch(r"\s*[+-]?[0-9]{1,18}\s*", text) else None
+    if value is None or value < low or (high is not None and value > high):
+        reach = f"of at least {low}" if high is None else f"from {low} to {high}"
+        raise InputError(f"{option}: expected a whole number {reach}, got {text!r}")
+    return value
+
+
+def number(text: str | float, option: str, wanted: str, fits: Callable[[float], bool] = math.isfinite) -> float:
+    """ "2.5" to 2.5, if it is one that `fits`; `wanted` says in the error which do."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not (math.isfinite(value) and fits(value)):
+        raise InputError(f"{option}: expected {wanted}, got {text!r}")
+    return value
 
 
 def vector(text: str, option: str) -> tuple[float, float, float]:
@@ -60,12 +83,12 @@ def background(text: str) -> tuple[float, float, float] | None:
     return red, green, blue
 
 
-def choice(value: T, allowed: Collection[T], option: str) -> T:
-    """`value`, if it is one of those allowed."""
-    if value not in allowed:
-        names = ", ".join(map(str, allowed))
-        raise InputError(f"{option}: expected one of {names}, got {value!r}{_nearest(str(value), map(str, allowed))}")
-    return value
+def choice(text: str, allowed: Collection[T], option: str) -> T:
+    """The one of those allowed (words, or numbers) that is spelled `text`."""
+    known = {str(value): value for value in allowed}
+    if text not in known:
+        raise InputError(f"{option}: expected one of {', '.join(known)}, got {text!r}{_nearest(text, known)}")
+    return known[text]
 
 
 def names(text: str, allowed: Collection[str], option: str) -> tuple[str, ...]:
