@@ -6,9 +6,9 @@ from covering import PATTERNS
 from scenes import UNLIT, flat_camera, flat_mesh, rectangle
 
 import luxel
-from luxel import InputError, Material, Scene
+from luxel import InputError, Instance, Material, Scene
 from luxel.raster import render
-from luxel.raster.resolve import FILTERS, filter_taps
+from luxel.raster.resolve import FILTERS, filter_taps, resolve
 
 SIZE = 33, 29
 WIDE = [name for name in FILTERS if name != "box"]
@@ -48,7 +48,7 @@ def test_weights_sum_to_one_and_follow_the_formula(name, pattern):
     shape = weight(name, place[:, 0]) * weight(name, place[:, 1])
     if name == "box":
         shape = np.ones(len(taps))
-        assert np.array_equal(taps, [[0, 0, s] for s in range(len(pattern))])
+        assert np.array_equal(taps, [[0, 0, s, 0] for s in range(len(pattern))])
     assert np.allclose(weights, shape / shape.sum(), atol=1e-7)
     assert len(np.unique(taps, axis=0)) == len(taps)
     radius = FILTERS[name][0]
@@ -74,7 +74,7 @@ def test_a_constant_stays_what_it_is(name, samples):
 @pytest.mark.parametrize("n", [1, 4])
 @pytest.mark.parametrize("name", WIDE)
 def test_impulse_response(name, n):
-    """One lit subpixel (of n x n): the picture around it is the filter, everywhere the same sum."""
+    """One lit subpixel (of n x n): the picture around it is the filter's main lobe, everywhere the same sum."""
     x, y = 16 + (n // 2) / n, 14 + (1 % n) / n
     scene = Scene.from_mesh(rectangle(x, y, x + 1 / n, y + 1 / n), Material((1, 0.5, 0, 1), **UNLIT))
     have = draw(scene, filter=name, ssaa=n, tile=16)
@@ -82,12 +82,71 @@ def test_impulse_response(name, n):
     at = np.array([x, y]) + 0.5 / n
     grid = (np.arange(n) + 0.5) / n - 0.5
     whole = weight(name, np.add.outer(np.arange(-3, 4), grid)).sum()
-    want = np.outer(weight(name, rows - at[1]), weight(name, columns - at[0])) / whole**2
-    assert np.allclose(have[..., 3], np.clip(want, 0, 1), atol=2e-7)
-    assert np.allclose(have[..., 0], want, atol=2e-7)  # colours may ring
+    down, across = (np.maximum(weight(name, axis), 0) for axis in (rows - at[1], columns - at[0]))
+    want = np.outer(down, across) / whole**2
+    assert np.allclose(have[..., 3], want, atol=2e-7)
+    assert np.allclose(have[..., 0], want, atol=2e-7)
     assert np.allclose(have[..., 1], want / 2, atol=2e-7)
-    if name in ("tent", "mitchell"):  # partitions of unity: every sample counts the same
+    if name == "tent":  # a partition of unity: every sample counts the same
         assert abs(have[..., 0].sum() - 1 / n**2) < 1e-6
+
+
+def filtered(colors, name, pattern):
+    """(h, w, s, 4) samples to (h, w, 4) by the definition: weights along both axes, held in the range of the main lobe's samples."""
+    height, width = colors.shape[:2]
+    want = np.empty((height, width, 4))
+    rows = (np.arange(height)[:, None] + pattern[:, 1] / 256).ravel()
+    columns = (np.arange(width)[:, None] + pattern[:, 0] / 256).ravel()
+    for y in range(height):
+        for x in range(width):
+            down, across = (weight(name, at - centre - 0.5).reshape(-1, len(pattern)) for at, centre in ((rows, y), (columns, x)))
+            w = down[:, None, :] * across[None, :, :]
+            value = (w[..., None] * colors).sum((0, 1, 2)) / w.sum()
+            main = colors[(down[:, None, :] > 0) & (across[None, :, :] > 0)]
+            want[y, x] = np.clip(value, main.min(0), main.max(0))
+    return want
+
+
+@pytest.mark.parametrize("pattern", ["standard-1", "standard-4", "ssaa-3"])
+@pytest.mark.parametrize("name", WIDE)
+def test_samples_of_any_brightness_follow_the_definition(name, pattern):
+    pattern, tile, (width, height) = PATTERNS[pattern], 8, (13, 11)
+    colors = np.exp(np.random.default_rng(1).normal(-1, 1.5, (16, 16, len(pattern), 4))).astype(np.float32)
+    colors[..., 3] /= colors[..., 3].max()
+    tiled = colors.reshape(2, tile, 2, tile, -1, 4).transpose(0, 2, 5, 4, 1, 3)  # tile rows, tiles, channels, samples, rows, columns
+    linear = np.zeros((height, width, 4), np.float32)
+    taps, weights = filter_taps(name, pattern)
+    resolve(0, height, 0, width, width, height, 0, 16, 2, tile, len(pattern), np.ascontiguousarray(tiled).reshape(4, -1), taps, weights, 0, 0, 1.0,
+            np.zeros(4, np.float32), np.zeros((0, 0), np.uint32), linear, 1)  # fmt: skip
+    assert np.allclose(linear, filtered(colors[:height, :width], name, pattern), rtol=1e-5, atol=1e-6 * colors.max())
+
+
+@pytest.mark.parametrize("samples", [1, 4])
+def test_highlights_leave_no_dark_rings(samples):
+    """A bar a hundred times as bright as white, on a grey wall: nothing is darker than the wall, nor brighter than the bar."""
+    scene = Scene.from_mesh(rectangle(-5, -5, 50, 50), Material((0.3, 0.3, 0.3, 1), **UNLIT))
+    bar = rectangle(12.3, 5.1, 19.6, 20.2)
+    bar.positions[:, 2] += 0.5
+    bar.material = 1
+    scene.meshes.append(bar)
+    scene.materials.append(Material((100, 100, 100, 1), **UNLIT))
+    scene.instances.append(Instance(1))
+    have = draw(scene, filter="mitchell", samples=samples)
+    assert have[..., :3].min() == np.float32(0.3)
+    assert have[..., :3].max() == 100
+    assert (have[..., 3] == 1).all()
+    steps = np.sign(np.diff(have[12, :, 0]))
+    assert (np.diff(steps[steps != 0]) <= 0).all()  # up, and down again: no ripples
+
+
+def test_a_ramp_stays_a_ramp():
+    """Where the range does not bind, the filter is what it is: it gives linear functions back."""
+    colors = np.broadcast_to(np.arange(32, dtype=np.float32)[None, :, None, None], (32, 32, 1, 4)) / 32
+    tiled = np.ascontiguousarray(colors.transpose(3, 2, 0, 1)).reshape(1, -1)
+    linear = np.zeros((32, 32, 4), np.float32)
+    taps, weights = filter_taps("mitchell", PATTERNS["standard-1"])
+    resolve(0, 32, 0, 32, 32, 32, 0, 32, 1, 32, 1, tiled, taps, weights, 0, 0, 1.0, np.zeros(4, np.float32), np.zeros((0, 0), np.uint32), linear, 1)
+    assert np.abs(linear - colors[:, :, 0])[:, 2:-2].max() < 1e-6
 
 
 @pytest.mark.parametrize("name", WIDE)
