@@ -248,6 +248,24 @@ def test_info_says_what_is_odd(capsys, cube):
     assert "4 open edges" in capsys.readouterr().out
 
 
+def test_info_keeps_its_lines_whole_in_a_pipe_and_folds_them_in_a_terminal(capsys, cube, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "40")
+    name = "a-mesh-with-a-name-of-many-words-" * 4
+    cube.write_text(f"o {name}\n" + CUBE)
+    assert main(["info", str(cube)]) == 0
+    assert any(line.split()[:2] == [name, "12"] for line in capsys.readouterr().out.splitlines())
+    monkeypatch.setenv("FORCE_COLOR", "1")  # as if it were a terminal
+    assert main(["info", str(cube)]) == 0
+    table = capsys.readouterr().out.split("Meshes")[1]
+    assert name not in table
+
+
+def test_info_says_what_lies_at_the_same_place(capsys, cube):
+    cube.write_text("o one\n" + CUBE + "o two\n" + CUBE)
+    assert main(["info", str(cube)]) == 0
+    assert "1 coincident objects in one, two" in capsys.readouterr().out
+
+
 def test_a_reader_that_goes_away_is_no_error(cube):
     code = f"import sys; from luxel.cli import main; sys.exit(main(['info', {str(cube)!r}, '--json']))"
     read, write = os.pipe()

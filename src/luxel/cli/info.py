@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 EXAMPLE = "luxel info model.glb"
 Cells = list[tuple[str, ...]]
 _ROWS = 20  # of a table, without --all
+_UNFOLDED = 10_000  # columns: what goes into a file or to another program keeps its lines whole
 
 
 def info(
@@ -45,6 +46,8 @@ def _show(file: Path, loaded: float, report: Report, rows: int | None) -> None:
     from rich.text import Text
 
     out = RichConsole(highlight=False, emoji=False, markup=False)
+    if not out.is_terminal:
+        out.width = _UNFOLDED
     size = " x ".join(f"{e:.4g}" for e in report.extent)
     low, high = (", ".join(f"{c:.4g}" for c in corner) for corner in report.bounds)
     title = Text.assemble((str(file), "bold"), f"  {_bytes(file.stat().st_size)}, loaded in {seconds(loaded)}")
