@@ -90,6 +90,42 @@ def test_a_mistyped_option_is_suggested(capsys):
     assert "--exposure" in error_of(capsys, "render", "a.obj", "-o", "a.png", "--expsure", "1")
 
 
+def test_wrong_words_say_where_to_look(capsys):
+    assert error_of(capsys, "render").endswith("(luxel render --help shows what there is)\n")
+    assert error_of(capsys, "render", "a.obj", "--azimuth").endswith("(luxel render --help shows what there is)\n")
+    assert error_of(capsys, "help").endswith("(luxel --help shows what there is)\n")
+    assert error_of(capsys, "diff", "a", "b", "c").endswith("(luxel diff --help shows what there is)\n")
+
+
+def test_a_mistyped_file_is_suggested(capsys, cube, tmp_path):
+    write_png(tmp_path / "before.png", np.zeros((2, 2, 3), np.uint8))
+    assert f"did you mean {cube}?" in error_of(capsys, "render", tmp_path / "cub.obj", "-o", tmp_path / "a.png")
+    assert f"did you mean {tmp_path / 'before.png'}?" in error_of(capsys, "diff", tmp_path / "befor.png", tmp_path / "before.png")
+    assert "there is no folder" in error_of(capsys, "info", tmp_path / "models" / "cube.obj")
+
+
+@pytest.mark.parametrize("name", ["a.obj", "a.glb", "a.gltf", "a.ply", "a.stl", "a.off"])
+def test_empty_files_and_folders_are_said(capsys, tmp_path, name):
+    (tmp_path / name).touch()
+    assert "the file is empty" in error_of(capsys, "info", tmp_path / name)
+    (tmp_path / f"folder-{name}").mkdir()
+    assert "it is a folder" in error_of(capsys, "info", tmp_path / f"folder-{name}")
+    assert "it is a folder" in error_of(capsys, "info", tmp_path)
+
+
+def test_more_memory_than_there_is(capsys, cube, tmp_path, monkeypatch):
+    def full(*_, **__):
+        raise MemoryError("Unable to allocate 9 EiB")
+
+    monkeypatch.setattr("luxel.raster.render._draw", full)
+    err = error_of(capsys, "render", cube, "-o", tmp_path / "a.npz", "--size", "32", "--outputs", "color,depth")
+    assert "--size 32x32: not enough memory for color, depth" in err
+    assert ".png" in err
+    assert main(["demo", "-o", str(tmp_path / "a.png"), "--scene", "two-triangles"]) == 1
+    assert capsys.readouterr().err == "luxel: error: not enough memory: Unable to allocate 9 EiB\n"
+    assert os.listdir(tmp_path) == ["cube.obj"]
+
+
 def test_what_is_missing_is_named(capsys, tmp_path):
     assert "FILE" in error_of(capsys, "render")
     assert "no-such.obj" in error_of(capsys, "render", "no-such.obj", "-o", tmp_path / "a.png")

@@ -212,5 +212,9 @@ def _draw(
         del options["outputs"]
         render_to_png(output, scene, cameras[0], size, progress=report, **options)
     else:
-        render(scene, cameras[0], size, previous_camera=before[0], progress=report, **options).save(output)
+        try:
+            render(scene, cameras[0], size, previous_camera=before[0], progress=report, **options).save(output)
+        except MemoryError as error:
+            hint = "a smaller --size, or color alone in a .png, needs less"
+            raise InputError(f"--size {size[0]}x{size[1]}: not enough memory for {', '.join(options['outputs'])}; {hint}") from error
     return [output]

@@ -58,7 +58,7 @@ def vector(text: str, option: str) -> tuple[float, float, float]:
     try:
         x, y, z = (float(word) for word in text.split(","))
     except ValueError:
-        raise InputError(f"{option}: expected three numbers such as 1,2,-3, got {text!r}") from None
+        raise InputError(f"{option}: expected three numbers such as 1,2,-3, or an axis such as z or -x, got {text!r}") from None
     if not all(map(math.isfinite, (x, y, z))):
         raise InputError(f"{option}: expected finite numbers, got {text!r}")
     return x, y, z
@@ -101,13 +101,13 @@ def names(text: str, allowed: Collection[str], option: str) -> tuple[str, ...]:
 
 def output(path: Path, extensions: Collection[str], option: str = "--output") -> Path:
     """`path`, if a file of that kind can be put there: found out before hours of work, not after."""
+    if path.is_dir():
+        raise FileError(path, "cannot write: it is a folder")
     if path.suffix.lower() not in extensions:
         wanted = ", ".join(extensions)
         raise InputError(f"{option}: expected a file name that ends in one of {wanted}, got {str(path)!r}")
     if path.suffix.lower() == ".exr" and importlib.util.find_spec("OpenEXR") is None:
         raise ExtraMissingError("OpenEXR", "exr", f"writing {path}")
-    if path.is_dir():
-        raise FileError(path, "cannot write: it is a folder")
     if not path.parent.is_dir():
         raise FileError(path, f"cannot write: there is no folder {str(path.parent)!r}")
     return path
