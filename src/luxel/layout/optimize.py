@@ -323,17 +323,21 @@ def _measured(draw: Draw, points: Array, report: Report, threads: int | None) ->
 def measure_scene(scene: Scene, report: Report, threads: int | None = None) -> Measures:
     """The measures of a scene: caches and fetches of each mesh once, overdraw of all its instances in their order."""
     start = time.perf_counter()
-    draws = [Draw(mesh.triangles, len(mesh.positions), _stride(mesh)) for mesh in scene.meshes]
-    found = measure(draws, _seen(scene), threads)
+    found = measure(draws_of(scene), seen_of(scene), threads)
     report.lap("measure", start)
     return found
+
+
+def draws_of(scene: Scene) -> list[Draw]:
+    """Each mesh as one draw call, with all its attributes interleaved."""
+    return [Draw(mesh.triangles, len(mesh.positions), _stride(mesh)) for mesh in scene.meshes]
 
 
 def _stride(mesh: Mesh) -> int:
     return sum(4 * array.shape[1] for name in _ATTRIBUTES if (array := getattr(mesh, name)) is not None)
 
 
-def _seen(scene: Scene) -> tuple[Array, Array, Array] | None:
+def seen_of(scene: Scene) -> tuple[Array, Array, Array] | None:
     """All instances in world space: positions, triangles, and of which the back faces are not drawn."""
     bare = replace(scene, meshes=[Mesh(mesh.positions, mesh.triangles, material=mesh.material) for mesh in scene.meshes])
     meshes = [placed(bare, instance) for instance in scene.instances]

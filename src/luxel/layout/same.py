@@ -54,9 +54,8 @@ def difference(before: Mapping[str, Soup], after: Mapping[str, Soup], dropped_de
 def _compared(a: Soup, b: Soup, dropped_degenerate: bool, dropped_duplicates: bool) -> str | None:
     if a.rows.shape[1] != b.rows.shape[1] and len(a.triangles):
         return "vertices have other attributes"
-    if dropped_degenerate and len(a.triangles):
-        keep = ~degenerate(_named(a)[a.triangles], a.positions if a.positions is None else a.positions[weld(a.rows)[1]])
-        a = a._replace(triangles=a.triangles[keep], faces=None if a.faces is None else a.faces[keep])
+    if dropped_degenerate:
+        a, b = _proper(a), _proper(b)
     if not (len(a.triangles) and len(b.triangles)):
         return None if len(a.triangles) == len(b.triangles) else f"{len(a.triangles)} triangles became {len(b.triangles)}"
     names = weld(np.concatenate([a.rows, b.rows]))[0]  # equal vertices of both have one name
@@ -72,8 +71,13 @@ def _compared(a: Soup, b: Soup, dropped_degenerate: bool, dropped_duplicates: bo
     return f"{np.count_nonzero(wrong & (got < have))} kinds of triangle are missing, {np.count_nonzero(wrong & (got > have))} are new"
 
 
-def _named(soup: Soup) -> Array:
-    return weld(soup.rows)[0]
+def _proper(soup: Soup) -> Soup:
+    """Without triangles of which two corners are equal, or in one place."""
+    if not len(soup.triangles):
+        return soup
+    names, first = weld(soup.rows)
+    keep = ~degenerate(names[soup.triangles], soup.positions if soup.positions is None else soup.positions[first])
+    return soup._replace(triangles=soup.triangles[keep], faces=None if soup.faces is None else soup.faces[keep])
 
 
 def soups_of(scene: Scene) -> dict[str, Soup]:

@@ -1,0 +1,143 @@
+"""Files laid out. A format that comes out as it went in keeps everything: the file is rewritten, not made anew from a scene.
+
+glTF and GLB, OBJ and PLY are rewritten so (`gltf_file`, `obj_file`, `ply_file`); any other pair goes through a Scene, and what the new format
+does not hold is said. Files are written beside, proved if asked for, and renamed.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+import tempfile
+import time
+import warnings
+from contextlib import suppress
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from luxel.errors import FileError, LuxelWarning, UnsupportedError
+from luxel.io import load, save
+from luxel.io.files import door
+from luxel.layout.measure import Draw, Measures, measure
+from luxel.layout.optimize import Options, Progress, Report, draws_of, optimize_scene, seen_of
+from luxel.layout.same import Soup, difference, soups_of
+from luxel.scene.scene import Scene
+
+_FAMILIES = {".gltf": "gltf", ".glb": "gltf", ".obj": "obj", ".ply": "ply"}
+FORMATS = (".gltf", ".glb", ".obj", ".ply", ".stl", ".off")
+
+
+class DifferenceError(FileError):
+    """What was written is not the same mesh: it was thrown away."""
+
+
+def optimize_file(source: Path, target: Path, options: Options, *, measures: bool = True, check: bool = False,
+                  progress: Progress | None = None) -> tuple[Report, list[Scene]]:  # fmt: skip
+    """Lay out the meshes of a file and write them to another, or to the same.
+
+    Args:
+        source: A file that `luxel.load` reads.
+        target: Where to; the extension says in which format.
+        options: What to do.
+        measures: Measure before and after.
+        check: Read both files again and prove that they hold the same triangles, with everything at their corners.
+        progress: To be told the fraction that is done.
+
+    Returns:
+        The report; and, with `measures`, the scenes before and after, as far as luxel can read them (none if it cannot).
+
+    Raises:
+        FileError: A file cannot be read or written.
+        DifferenceError: `check` found a difference; `target` is as it was.
+    """
+    report = Report(options.target)
+    family = _FAMILIES.get(source.suffix.lower())
+    module: Any = None
+    if family is not None and family == _FAMILIES.get(target.suffix.lower()):
+        module = import_module(f"luxel.layout.{family}_file")
+    try:
+        folder = tempfile.TemporaryDirectory(prefix=f".{target.name[:60]}.", dir=target.parent)
+    except OSError as error:
+        raise FileError(target, f"cannot write: {error.strerror}") from error
+    with folder as name:
+        made = Path(name) / target.name
+        before = None
+        if module is None:
+            before = _convert(source, made, options, report, check, progress)
+        else:
+            with door(source.name):
+                package = module.optimize(source, options, report, progress)
+            with door(target, "cannot be written"):
+                package.save(made, target.parent)
+            if check:
+                _prove(source, made, module, options, target)
+        scenes = _measure(source, made, module, report, options.threads, before) if measures else []
+        _into_place(Path(name), target)
+    return report, scenes
+
+
+def _convert(source: Path, made: Path, options: Options, report: Report, check: bool, progress: Progress | None) -> Scene:
+    """Through a Scene; the one that was read."""
+    scene = load(source, normals=False)
+    result = optimize_scene(scene, options, report, measures=False, progress=progress)
+    found = difference(soups_of(scene), soups_of(result), options.drop_degenerate, options.drop_duplicates) if check else None
+    if found:
+        raise DifferenceError(source, f"the result is not the same mesh: {found}")
+    save(result, made)
+    return scene
+
+
+def _prove(source: Path, made: Path, module: Any, options: Options, target: Path) -> None:
+    soups: list[dict[str, Soup]] = [module.contents(path)[1] for path in (source, made)]
+    found = difference(soups[0], soups[1], options.drop_degenerate, options.drop_duplicates) or module.rest_differs(source, made)
+    if found:
+        raise DifferenceError(target, f"not written, because it would not be the same: {found}")
+
+
+def _measure(source: Path, made: Path, module: Any, report: Report, threads: int | None, before: Scene | None) -> list[Scene]:
+    """Measures of both files into the report; their scenes."""
+    scenes = [_scene(source) if before is None else before, _scene(made)]
+    readable = [scene for scene in scenes if scene is not None]
+    report.before, report.after = (
+        _measured(path, module, scene if len(readable) == 2 else None, report, threads) for path, scene in zip((source, made), scenes, strict=True)
+    )
+    return readable if len(readable) == 2 else []
+
+
+def _scene(path: Path) -> Scene | None:
+    """As luxel reads it; silent, for what it does not use is none of this command's business."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LuxelWarning)
+        try:
+            return load(path, normals=False)
+        except UnsupportedError:
+            return None
+
+
+def _measured(path: Path, module: Any, scene: Scene | None, report: Report, threads: int | None) -> Measures:
+    start = time.perf_counter()
+    draws: list[Draw] = []
+    if module is not None:
+        draws = module.contents(path)[0]
+    elif scene is not None:
+        draws = draws_of(scene)
+    found = measure(draws, None if scene is None else seen_of(scene), threads)
+    report.lap("measure", start)
+    return found
+
+
+def _into_place(folder: Path, target: Path) -> None:
+    """Move everything from `folder` beside `target`, which comes last."""
+    with suppress(OSError):
+        os.chmod(folder / target.name, stat.S_IMODE(target.stat().st_mode))
+    try:
+        for path in sorted(folder.rglob("*")):
+            place = target.parent / path.relative_to(folder)
+            if path.is_dir():
+                place.mkdir(exist_ok=True)
+            elif place != target:
+                os.replace(path, place)
+        os.replace(folder / target.name, target)
+    except OSError as error:
+        raise FileError(target, f"cannot write: {error.strerror}") from error
