@@ -33,8 +33,10 @@ class PngStream:
         """`channels`: 1 grey, 2 grey and alpha, 3 RGB, 4 RGBA (alpha straight).
 
         Raises:
-            InputError: A size or channel count that PNG cannot hold.
+            InputError: A size or channel count that PNG cannot hold, or another extension than .png.
         """
+        if os.path.splitext(os.fspath(path))[1].lower() != ".png":
+            raise InputError(f"PNG: expected a file name that ends in .png, got {os.fspath(path)!r}")
         if not (0 < width < 2**31 and 0 < height < 2**31 and channels in _COLOR_TYPES):
             raise InputError(f"PNG: expected width and height in 1..2^31-1 and 1..4 channels, got {width} x {height} x {channels}")
         self.path, self.width, self.height, self.channels = path, width, height, channels

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from luxel.arrays import Array
+from luxel.errors import InputError
 from luxel.scene.coincidence import coincident, mixed
 from luxel.scene.mesh import Mesh
 from luxel.scene.scene import Scene
@@ -93,8 +94,10 @@ def inspect(scene: Scene) -> Report:
     """Count and check a scene; a few seconds for millions of triangles.
 
     Raises:
-        InputError: An index names a mesh, material or texture that is not there.
+        InputError: It is no Scene, or one that `Scene.check` refuses.
     """
+    if not isinstance(scene, Scene):
+        raise InputError(f"scene: expected a Scene, as luxel.load gives, got {type(scene).__name__}")
     scene.check()
     used = np.bincount([i.mesh for i in scene.instances], minlength=len(scene.meshes))
     meshes, oddities = [], []
