@@ -66,7 +66,8 @@ def test_what_is_right_passes():
     lambda: luxel.frame(scene(), azimuth="left"), lambda: luxel.frame(scene(), size=5), lambda: luxel.frame(scene(), margin=None),
     lambda: luxel.frame(scene(), distance="far"), lambda: luxel.turntable(scene(), "many"), lambda: luxel.turntable(scene(), 2.5),
     lambda: luxel.Camera(yfov="45"), lambda: luxel.Camera(near="a"), lambda: luxel.Camera(far=None), lambda: luxel.Camera(aspect="wide"),
-    lambda: luxel.Camera(yfov=None, height="tall"), lambda: luxel.load((np.eye(3), [[0, 1, 2]]), crease_angle="x"), lambda: luxel.render_to_png("a.jpg", scene()),
+    lambda: luxel.Camera(yfov=None, height="tall"), lambda: luxel.load((np.eye(3), [[0, 1, 2]]), crease_angle="x"),
+    lambda: luxel.render_to_png("a.jpg", scene()),
 ])  # fmt: skip
 def test_wrong_arguments_are_refused(call, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
