@@ -19,7 +19,7 @@ from typing import Any
 from luxel.errors import FileError, LuxelWarning, UnsupportedError
 from luxel.io import load, save
 from luxel.io.files import door
-from luxel.layout.measure import Draw, Measures, measure
+from luxel.layout.measure import Draw, measure
 from luxel.layout.optimize import Options, Progress, Report, draws_of, optimize_scene, seen_of
 from luxel.layout.same import Soup, difference, soups_of
 from luxel.scene.scene import Scene
@@ -70,11 +70,26 @@ def optimize_file(source: Path, target: Path, options: Options, *, measures: boo
                 package = module.optimize(source, options, report, progress)
             with door(target, "cannot be written"):
                 package.save(made, target.parent)
-            if check:
-                _prove(source, made, module, options, target)
-        scenes = _measure(source, made, module, report, options.threads, before) if measures else []
+        held = [_Held(path, module) for path in (source, made)]
+        if check and module is not None:
+            _prove(held, module, options, target)
+        scenes = _measure(held, report, options.threads, before) if measures else []
         _into_place(Path(name), target)
     return report, scenes
+
+
+class _Held:
+    """What a file holds, read when it is first asked for."""
+
+    def __init__(self, path: Path, module: Any) -> None:
+        self.path, self.module = path, module
+        self._contents: tuple[list[Draw], dict[str, Soup]] | None = None
+
+    @property
+    def contents(self) -> tuple[list[Draw], dict[str, Soup]]:
+        if self._contents is None:
+            self._contents = self.module.contents(self.path) if self.module is not None else ([], {})
+        return self._contents
 
 
 def _convert(source: Path, made: Path, options: Options, report: Report, check: bool, progress: Progress | None) -> Scene:
@@ -88,21 +103,29 @@ def _convert(source: Path, made: Path, options: Options, report: Report, check: 
     return scene
 
 
-def _prove(source: Path, made: Path, module: Any, options: Options, target: Path) -> None:
-    soups: list[dict[str, Soup]] = [module.contents(path)[1] for path in (source, made)]
-    found = difference(soups[0], soups[1], options.drop_degenerate, options.drop_duplicates) or module.rest_differs(source, made)
+def _prove(held: list[_Held], module: Any, options: Options, target: Path) -> None:
+    before, after = (each.contents[1] for each in held)
+    found = difference(before, after, options.drop_degenerate, options.drop_duplicates)
+    found = found or module.rest_differs(*(each.path for each in held))
     if found:
         raise DifferenceError(target, f"not written, because it would not be the same: {found}")
 
 
-def _measure(source: Path, made: Path, module: Any, report: Report, threads: int | None, before: Scene | None) -> list[Scene]:
+def _measure(held: list[_Held], report: Report, threads: int | None, before: Scene | None) -> list[Scene]:
     """Measures of both files into the report; their scenes."""
-    scenes = [_scene(source) if before is None else before, _scene(made)]
-    readable = [scene for scene in scenes if scene is not None]
-    report.before, report.after = (
-        _measured(path, module, scene if len(readable) == 2 else None, report, threads) for path, scene in zip((source, made), scenes, strict=True)
-    )
-    return readable if len(readable) == 2 else []
+    start = time.perf_counter()
+    scenes = [_scene(held[0].path) if before is None else before, _scene(held[1].path)]
+    known = [scene for scene in scenes if scene is not None]
+    readable = known if len(known) == 2 else []
+    report.lap("read again", start)
+    start = time.perf_counter()
+    found = []
+    for i, each in enumerate(held):
+        draws = each.contents[0] or (draws_of(readable[i]) if readable else [])
+        found.append(measure(draws, seen_of(readable[i]) if readable else None, threads))
+    report.before, report.after = found
+    report.lap("measure", start)
+    return readable
 
 
 def _scene(path: Path) -> Scene | None:
@@ -113,18 +136,6 @@ def _scene(path: Path) -> Scene | None:
             return load(path, normals=False)
         except UnsupportedError:
             return None
-
-
-def _measured(path: Path, module: Any, scene: Scene | None, report: Report, threads: int | None) -> Measures:
-    start = time.perf_counter()
-    draws: list[Draw] = []
-    if module is not None:
-        draws = module.contents(path)[0]
-    elif scene is not None:
-        draws = draws_of(scene)
-    found = measure(draws, None if scene is None else seen_of(scene), threads)
-    report.lap("measure", start)
-    return found
 
 
 def _into_place(folder: Path, target: Path) -> None:
