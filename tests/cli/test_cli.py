@@ -10,11 +10,11 @@ import time
 import numpy as np
 import pytest
 
-from luxel import __version__, frame, load
+from luxel import Picture, __version__, frame, load
 from luxel.cli import main
 from luxel.io.images import read_image, write_png
 
-COMMANDS = ["demo", "render", "info", "diff", "study"]
+COMMANDS = ["demo", "render", "info", "diff", "optimize", "study"]
 CUBE = """\
 v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1
 f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8
@@ -249,6 +249,27 @@ def test_diff_with_and_without_alpha(capsys, pictures, tmp_path):
     write_png(tmp_path / "grey.png", opaque[..., :1])
     assert main(["diff", pictures[0], str(tmp_path / "rgba.png")]) == 0
     assert main(["diff", pictures[0], str(tmp_path / "grey.png")]) == 0
+
+
+def test_diff_of_pictures_that_hold_nan_and_infinity(capsys, tmp_path, monkeypatch):
+    plain = np.full((8, 8, 4), 0.5, np.float32)
+    odd = plain.copy()
+    odd[2, 3, 0], odd[4, 4, 1] = np.nan, np.inf
+    monkeypatch.chdir(tmp_path)
+    Picture(linear=plain).save("plain.exr")
+    Picture(linear=odd).save("odd.exr")
+    Picture(linear=odd).save("again.exr")
+    assert main(["diff", "odd.exr", "again.exr", "--json"]) == 0
+    said = capsys.readouterr()
+    data = json.loads(said.out)
+    assert (data["same"], data["rmse"], data["ssim"], data["differing_pixels"]) == (True, 0, 1, 0)
+    assert said.err.count("\n") == 1
+    assert "2 pixels hold NaN or infinity" in said.err
+    assert main(["diff", "plain.exr", "odd.exr", "--max-rmse", "9", "--output", "d.png", "--json"]) == 1
+    data = json.loads(capsys.readouterr().out)
+    assert (data["same"], data["rmse"], data["max_difference"], data["differing_pixels"]) == (False, 0, 0, 2)
+    shown = read_image(tmp_path / "d.png")
+    assert sorted(map(tuple, np.argwhere(shown.any(-1)).tolist())) == [(2, 3), (4, 4)]
 
 
 def test_diff_of_two_sizes_is_an_error(capsys, pictures, tmp_path):

@@ -2,7 +2,7 @@
 
 Pictures are arrays (h, w) or (h, w, c): uint8 and uint16 are taken as 0..1, floats as they are. Both are compared as
 they come, without a change of colour space: the values of an 8-bit sRGB file are close to even steps for the eye, which
-is what SSIM wants; linear light of any range suits RMSE.
+is what SSIM wants; linear light of any range suits RMSE. A NaN in a picture makes the figures NaN.
 
 SSIM: Wang, Bovik, Sheikh, Simoncelli, "Image quality assessment: from error visibility to structural similarity" (2004)
 with their 11 x 11 Gaussian window of sigma 1.5, K1 = 0.01 and K2 = 0.03; window sums mirror the picture at its border.
@@ -92,8 +92,8 @@ def difference_picture(a: object, b: object, gain: float | None = None) -> Array
     Raises:
         InputError: As of `rmse`, or the gain is not positive.
     """
-    if gain is not None and not gain > 0:
-        raise InputError(f"gain: expected a factor > 0, got {gain}")
+    if gain is not None and (not isinstance(gain, (int, float, np.number)) or not gain > 0):
+        raise InputError(f"gain: expected a factor > 0, got {gain!r}")
     p, q = _pair(a, b)
     difference = np.abs(p - q).max(-1)
     largest = difference.max()
@@ -131,8 +131,8 @@ def _spell(picture: Array) -> str:
 
 
 def _check_range(data_range: float) -> None:
-    if not data_range > 0:
-        raise InputError(f"data_range: expected a number > 0, got {data_range}")
+    if not isinstance(data_range, (int, float, np.number)) or not data_range > 0:
+        raise InputError(f"data_range: expected a number > 0, got {data_range!r}")
 
 
 def _window(picture: Array) -> Array:
