@@ -317,6 +317,12 @@ def test_info_folds_long_names_in_a_terminal_with_room(capsys, cube, monkeypatch
     assert "12,000" in table  # numbers are never folded
 
 
+def test_info_of_nothing(capsys, tmp_path):
+    (tmp_path / "points.obj").write_text("v 0 0 0\n")
+    assert main(["info", str(tmp_path / "points.obj")]) == 0
+    assert "\n  no triangles  (there is nothing to draw)" in capsys.readouterr().out
+
+
 def test_info_says_what_lies_at_the_same_place(capsys, cube):
     cube.write_text("o one\n" + CUBE + "o two\n" + CUBE)
     assert main(["info", str(cube)]) == 0

@@ -167,7 +167,7 @@ def test_turntable():
 
 
 def before(view, scene=None):
-    (camera,) = view.cameras_before(scene or scene_with_cameras(), SIZE)
+    (camera,) = view.cameras_before([], scene or scene_with_cameras(), SIZE)
     return camera
 
 
@@ -194,7 +194,9 @@ def test_the_camera_before_is_this_one_but_for_what_is_named():
 
 
 def test_in_a_turntable_the_camera_before_is_that_of_the_picture_before():
-    cameras, befores = View(turntable=3).cameras(scene_with_cameras(), SIZE), View(turntable=3).cameras_before(scene_with_cameras(), SIZE)
+    scene, view = scene_with_cameras(), View(turntable=3)
+    cameras = view.cameras(scene, SIZE)
+    befores = view.cameras_before(cameras, scene, SIZE)
     for i in range(3):
         np.testing.assert_array_equal(befores[i].world_from_camera, cameras[i - 1].world_from_camera)
 
@@ -230,6 +232,8 @@ def test_wrong_camera_before(text, message):
         {"fov": 180},
         {"fov": 50, "ortho": "2"},
         {"turntable": 0},
+        {"turntable": 10**8},
+        {"up": "0,0,0"},
         {"eye": "1,2"},
         {"eye": "1,2,3", "target": "x,y,z"},
     ],
@@ -237,6 +241,12 @@ def test_wrong_camera_before(text, message):
 def test_options_that_exclude_each_other(options):
     with pytest.raises(InputError, match="--"):
         View(**options)
+
+
+@pytest.mark.parametrize("options", [{"eye": "1,2,3", "target": "1,2,3"}, {"eye": "0,0,0"}])
+def test_a_camera_that_stands_in_its_target(options):
+    with pytest.raises(InputError, match="--eye: expected another place than the target"):
+        View(**options).cameras(Scene.from_mesh(box()), SIZE)
 
 
 @pytest.mark.parametrize("height", ["0", "-1", "tall", "nan", "inf"])

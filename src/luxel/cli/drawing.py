@@ -53,7 +53,7 @@ class View:
             if getattr(self, name) is not None:
                 setattr(self, name, values.number(getattr(self, name), f"--{name}", wanted, fits))
         if self.turntable is not None:
-            self.turntable = values.whole(str(self.turntable), "--turntable", 1)
+            self.turntable = values.whole(str(self.turntable), "--turntable", 1, 100_000)
         framed = [self.azimuth, self.elevation, self.distance]
         if self.camera is not None and any(v is not None for v in (*framed, self.eye, self.ortho, self.turntable)):
             raise InputError("--camera takes a camera of the file: it goes with --fov, not with another camera option")
@@ -65,7 +65,9 @@ class View:
             raise InputError("--fov and --ortho: an orthographic camera has no field of view")
         if self.previous is not None and self.turntable is not None:
             raise InputError("--previous and --turntable: each picture of a turntable has the one before it")
-        self._height(), self._up()  # wrong words are told before a large file is read
+        if not any(self._up()):
+            raise InputError(f"--up: expected a direction, got {self.up!r}")
+        self._height()  # wrong words are told before a large file is read
         for option in ("eye", "target"):
             if getattr(self, option) is not None:
                 values.vector(getattr(self, option), f"--{option}")
@@ -91,10 +93,9 @@ class View:
         }
         return [frame(scene, **options)] if self.turntable is None else turntable(scene, self.turntable, **options)
 
-    def cameras_before(self, scene: Scene, size: tuple[int, int]) -> list[Camera | None]:
+    def cameras_before(self, cameras: list[Camera], scene: Scene, size: tuple[int, int]) -> list[Camera | None]:
         """For each of `cameras`, the one that motion comes from: of --previous, or in a turntable the one before (a loop)."""
         if self.turntable is not None:
-            cameras = self.cameras(scene, size)
             return [*cameras[-1:], *cameras[:-1]]
         before = self._before()
         return [None] if before is None else [*before.cameras(scene, size)]
@@ -150,6 +151,8 @@ class View:
         eye = values.vector(self.eye, "--eye")
         bounds = scene.bounds()
         target = bounds.mean(0) if self.target is None else values.vector(self.target, "--target")
+        if np.array_equal(eye, target):
+            raise InputError(f"--eye: expected another place than the target, got {self.eye!r}")
         reach = float(np.linalg.norm(bounds - eye, axis=1).max()) + float(np.linalg.norm(bounds[1] - bounds[0])) + 1e-3
         if self.ortho is None:
             return Camera.look_at(eye, target, self._up(), yfov=self._yfov(), near=1e-4 * reach)

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 EXAMPLE = "luxel info model.glb"
 Cells = list[tuple[str, ...]]
 _ROWS = 20  # of a table, without --all
+_STATES = ("no triangles", "tiny extent", "huge extent", "far from the origin")  # oddities of which there is one or none
 _UNFOLDED = 10_000  # columns: what goes into a file or to another program keeps its lines whole,
 _NARROW = 72  # and so does what a narrower terminal wraps more readably than a table folds
 
@@ -63,7 +64,8 @@ def _show(file: Path, loaded: float, report: Report, rows: int | None) -> None:
                 out.print(f"  ... and {len(cells) - rows} more (--all)", style="dim")
     out.print("\nOdd" if report.oddities else "\nNothing odd.", style="bold" if report.oddities else "green")
     for count, kind, where, what in _grouped(report, everything=rows is None):
-        out.print(Text.assemble("  ", (f"{count:,} {kind}", "yellow"), where, (f"  ({what})", "dim")), soft_wrap=True)
+        counted = kind if kind in _STATES else f"{count:,} {kind}"
+        out.print(Text.assemble("  ", (counted, "yellow"), where, (f"  ({what})", "dim")), soft_wrap=True)
 
 
 def _grouped(report: Report, everything: bool) -> list[tuple[int, str, str, str]]:

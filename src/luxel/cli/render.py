@@ -173,7 +173,8 @@ def _draw_file(
         warnings.warn(f"{file}: no triangles: the picture is empty", LuxelWarning, stacklevel=2)
     if lightmap is not None:
         with_lightmap(scene, lightmap)
-    cameras, before = view.cameras(scene, size), view.cameras_before(scene, size)
+    cameras = view.cameras(scene, size)
+    before = view.cameras_before(cameras, scene, size)
     loaded = time.perf_counter()
     with console.work("drawing") as report:
         written = _draw(scene, cameras, before, size, output, options, view.turntable is not None, report)
