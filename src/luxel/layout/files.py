@@ -32,13 +32,13 @@ class DifferenceError(FileError):
     """What was written is not the same mesh: it was thrown away."""
 
 
-def optimize_file(source: Path, target: Path, options: Options, *, measures: bool = True, check: bool = False,
+def optimize_file(source: Path, target: Path | None, options: Options, *, measures: bool = True, check: bool = False,
                   progress: Progress | None = None) -> tuple[Report, list[Scene]]:  # fmt: skip
     """Lay out the meshes of a file and write them to another, or to the same.
 
     Args:
         source: A file that `luxel.load` reads.
-        target: Where to; the extension says in which format.
+        target: Where to; the extension says in which format. None writes nothing.
         options: What to do.
         measures: Measure before and after.
         check: Read both files again and prove that they hold the same triangles, with everything at their corners.
@@ -52,29 +52,31 @@ def optimize_file(source: Path, target: Path, options: Options, *, measures: boo
         DifferenceError: `check` found a difference; `target` is as it was.
     """
     report = Report(options.target)
+    aim = source if target is None else target
     family = _FAMILIES.get(source.suffix.lower())
     module: Any = None
-    if family is not None and family == _FAMILIES.get(target.suffix.lower()):
+    if family is not None and family == _FAMILIES.get(aim.suffix.lower()):
         module = import_module(f"luxel.layout.{family}_file")
     try:
-        folder = tempfile.TemporaryDirectory(prefix=f".{target.name[:60]}.", dir=target.parent)
+        folder = tempfile.TemporaryDirectory(prefix=f".{aim.name[:60]}.", dir=None if target is None else target.parent)
     except OSError as error:
-        raise FileError(target, f"cannot write: {error.strerror}") from error
+        raise FileError(aim, f"cannot write: {error.strerror}") from error
     with folder as name:
-        made = Path(name) / target.name
+        made = Path(name) / aim.name
         before = None
         if module is None:
             before = _convert(source, made, options, report, check, progress)
         else:
             with door(source.name):
                 package = module.optimize(source, options, report, progress)
-            with door(target, "cannot be written"):
-                package.save(made, target.parent)
+            with door(aim, "cannot be written"):
+                package.save(made, aim.parent)
         held = [_Held(path, module) for path in (source, made)]
         if check and module is not None:
-            _prove(held, module, options, target)
+            _prove(held, module, options, aim)
         scenes = _measure(held, report, options.threads, before) if measures else []
-        _into_place(Path(name), target)
+        if target is not None:
+            _into_place(Path(name), target)
     return report, scenes
 
 
