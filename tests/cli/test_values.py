@@ -109,6 +109,9 @@ def test_output(tmp_path, monkeypatch):
     (tmp_path / "b.png").mkdir()
     with pytest.raises(FileError, match="a folder"):
         values.output(tmp_path / "b.png", (".png",))
+    monkeypatch.setattr("os.access", lambda path, mode: False)  # for root everything is open
+    with pytest.raises(FileError, match="no permission"):
+        values.output(tmp_path / "c.png", (".png",))
 
 
 def scene_with_cameras():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import importlib.util
 import math
+import os
 import re
 from collections.abc import Callable, Collection
 from pathlib import Path
@@ -110,6 +111,8 @@ def output(path: Path, extensions: Collection[str], option: str = "--output") ->
         raise ExtraMissingError("OpenEXR", "exr", f"writing {path}")
     if not path.parent.is_dir():
         raise FileError(path, f"cannot write: there is no folder {str(path.parent)!r}")
+    if not os.access(path.parent, os.W_OK):
+        raise FileError(path, f"cannot write: no permission to write into {str(path.parent)!r}")
     return path
 
 
