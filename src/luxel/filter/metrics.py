@@ -81,6 +81,38 @@ def ssim_map(a: object, b: object, data_range: float = 1.0) -> Array:
     return luminance * (2 * covariance + c2) / (var_p + var_q + c2)
 
 
+def edge_rmse(picture: object, reference: object, edges: object = None) -> float:
+    """`rmse` over the edge pixels alone: the rest of a picture is the same for every way of anti-aliasing, and hides what differs.
+
+    Args:
+        picture: A picture.
+        reference: What it should be, of the same shape: drawn with many samples (the papers take 256), or exact (`luxel.filter.coverage`).
+        edges: (h, w) bool, which pixels count; None: those that differ from a neighbour by more than 1/255 in the reference.
+
+    Raises:
+        InputError: As of `rmse`, a mask of another size, or no edge pixels.
+    """
+    p, q = _pair(picture, reference)
+    mask = edge_pixels(q) if edges is None else np.asarray(edges)
+    if mask.shape != q.shape[:2] or mask.dtype != bool:
+        raise InputError(f"edges: expected {q.shape[:2]} bool, got {mask.shape} {mask.dtype}")
+    if not mask.any():
+        raise InputError("edges: expected at least one edge pixel, got none")
+    return float(np.sqrt(np.mean(np.square(p[mask] - q[mask]))))
+
+
+def edge_pixels(picture: object, threshold: float = 1 / 255) -> Array:
+    """(h, w) bool: the pixels that differ from one of their four neighbours by more than `threshold` in some channel."""
+    p = _picture(picture, "picture")
+    edges = np.zeros(p.shape[:2], bool)
+    down, right = (np.abs(np.diff(p, axis=axis)).max(-1) > threshold for axis in (0, 1))
+    edges[1:] |= down
+    edges[:-1] |= down
+    edges[:, 1:] |= right
+    edges[:, :-1] |= right
+    return edges
+
+
 def difference_picture(a: object, b: object, gain: float | None = None) -> Array:
     """(h, w, 3) uint8: where two pictures differ, from black (equal) over red and yellow to white (most).
 
