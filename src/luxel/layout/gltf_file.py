@@ -55,6 +55,13 @@ class _Space:
     accessors: list[int] = field(default_factory=list)
     count: int = 0
     fixed: str = ""  # why they may not be renumbered
+    keys: dict[tuple[int | None, int, int], list[_Primitive]] = field(default_factory=dict)  # one list of indices may be drawn several times
+    lists: dict[tuple[int | None, int, int], Array] = field(default_factory=dict)
+    drawn: list[tuple[int | None, int, int]] = field(default_factory=list)  # those that are triangles
+
+    def rewritten(self, key: tuple[int | None, int, int]) -> bool:
+        """Whether these indices become others."""
+        return key in self.drawn or (bool(self.drawn) and not self.fixed)
 
 
 def _primitives(document: Document) -> Iterator[_Primitive]:
@@ -105,7 +112,12 @@ def _spaces(document: Document, primitives: list[_Primitive]) -> list[_Space]:
         space.count = max(counts)
         for primitive in space.primitives:
             _check_counts(document, primitive)
-        space.fixed = _reason(document, space, counts, elsewhere)
+        for primitive in space.primitives:
+            count = document.item("accessors", primitive.accessors[0], document.where).integer("count")
+            space.keys.setdefault((primitive.indices, primitive.mode, count), []).append(primitive)
+        space.lists = {key: _indices(document, users[0], key[2]) for key, users in space.keys.items()}
+        space.drawn = [key for key, found in space.lists.items() if key[1] in _LISTS and len(found)]
+        space.fixed = _reason(space, counts, elsewhere)
     return list(spaces.values())
 
 
@@ -115,19 +127,19 @@ def _check_counts(document: Document, primitive: _Primitive) -> None:
         raise FileError(primitive.part.where, f"its attributes have {' and '.join(map(str, sorted(counts)))} elements")
 
 
-def _reason(document: Document, space: _Space, counts: set[int], elsewhere: set[int]) -> str:
+def _reason(space: _Space, counts: set[int], elsewhere: set[int]) -> str:
     if len(counts) > 1:
         return "primitives that share vertices see different numbers of them"
     if elsewhere & set(space.accessors):
         return "something else in the file reads them"
+    if any(key[1] in _LISTS and key not in space.drawn for key in space.keys):
+        return "a primitive of them draws nothing"
     for primitive in space.primitives:
         odd = set(primitive.part.data.get("extensions") or {}) - _HARMLESS
         if odd:
             return f"the extension {sorted(odd)[0][:60]} may number them"
         if primitive.mode not in _LISTS and primitive.indices is None:
             return "points or lines without indices are drawn in their order"
-        if primitive.mode in _LISTS and not len(_indices(document, primitive, space.count)):
-            return "a primitive of them draws nothing"
     return ""
 
 
@@ -171,8 +183,7 @@ def optimize(path: Path, options: Options, report: Report, progress: Progress | 
     package = Package(document)
     spaces = _spaces(document, list(_primitives(document)))
     for space in spaces:
-        if space.fixed:
-            package.taken |= {p.indices for p in space.primitives if p.indices is not None and p.mode not in _LISTS}
+        package.taken |= {key[0] for key in space.keys if key[0] is not None and not space.rewritten(key)}
     total, done = max(1, sum(space.count for space in spaces)), 0
     for number, space in enumerate(spaces):
         told = None if progress is None else lambda part, done=done, space=space: progress((done + part * space.count) / total)
@@ -185,27 +196,23 @@ def _lay_space(package: Package, number: int, space: _Space, options: Options, r
     document = package.document
     if space.fixed and any(primitive.mode in _LISTS for primitive in space.primitives):
         tell(document.where, f"vertices of {space.primitives[0].name} keep their numbers: {space.fixed}")
-    keys: dict[tuple[int | None, int, int], list[_Primitive]] = {}  # one list of triangles may be drawn with several materials
-    for primitive in space.primitives:
-        count = document.item("accessors", primitive.accessors[0], document.where).integer("count")
-        keys.setdefault((primitive.indices, primitive.mode, count), []).append(primitive)
-    lists = {key: _indices(document, users[0], key[2]) for key, users in keys.items()}
-    drawn = [key for key in keys if key[1] in _LISTS and len(lists[key])]
-    if not drawn:
+    if not space.drawn:
         return
+    keys, lists, drawn = space.keys, space.lists, space.drawn
     positions = next((p.attributes["POSITION"] for p in space.primitives if "POSITION" in p.attributes), None)
     points = None if positions is None else np.require(read(document, positions, document.where, types=("VEC3",)), np.float32, ["C"])
     if points is not None and len(points) < space.count:
         points = None
+    needed = [np.unique(lists[key]) for key in keys if key[1] not in _LISTS]
     laid = lay_out([lists[key] for key in drawn], space.count, options, report, points, lambda: _rows(document, space),
-                   all(p.cull for p in space.primitives), renumbered=not space.fixed, progress=progress)  # fmt: skip
+                   all(p.cull for p in space.primitives), not space.fixed, np.concatenate(needed) if needed else None, progress)  # fmt: skip
     if not space.fixed:
         for index in _unique(document, space.accessors):
             _rewrite(package, number, index, space, laid)
     for key, faces in zip(drawn, laid.triangles, strict=True):
         _set_indices(package, keys[key], faces.reshape(-1), space.count)
     for key in keys:
-        if key[1] not in _LISTS and not space.fixed:
+        if key not in drawn and space.rewritten(key):
             _set_indices(package, keys[key], laid.vertex_target[lists[key]], space.count)
 
 

@@ -28,6 +28,7 @@ from luxel.layout.same import Soup
 
 _TABLES = (b"v", b"vt", b"vn")
 _LEAST = {b"v": 3, b"vt": 1, b"vn": 3}
+_WIDEST = {b"v": 8, b"vt": 3, b"vn": 3}  # of lines as they are usual: rows of two files are as wide
 _FREE_FORM = {b"curv", b"curv2", b"surf", b"trim", b"hole", b"scrv", b"sp", b"cstype", b"bmat", b"vp", b"con"}
 _ELEMENTS = {b"l", b"p"}
 _STATE = {b"g", b"o", b"usemtl", b"s", b"mtllib"}
@@ -147,8 +148,10 @@ class Content:
         """Everything of vertices, to compare them by: all numbers of the lines they name, and which lines they lack."""
         parts = [np.ascontiguousarray(named < 0).astype(np.uint8)]
         for k, key in enumerate(_TABLES):
-            table = np.concatenate([self.tables[key], np.zeros((1, self.tables[key].shape[1]))])
-            parts.append(table[named[:, k]])  # -1: the row of zeros
+            have = self.tables[key]
+            table = np.full((len(have) + 1, max(have.shape[1], _WIDEST[key])), np.nan)
+            table[:-1, : have.shape[1]] = have
+            parts.append(table[named[:, k]])  # -1: the last row, of nothing
         return vertex_rows(parts)
 
 
@@ -174,7 +177,8 @@ class Package:
         for number in content.elements:
             lines[number] = self._element(content.lines[number], number)
         with atomic_write(path) as file:
-            file.write(b"\n".join(line for line in lines if line is not None).replace(b"\n", content.eol))
+            text = b"\n".join(line for line in lines if line is not None)
+            file.write((text or b"\n").replace(b"\n", content.eol))
         if home.resolve() != self.source.parent.resolve():
             for line in content.lines:
                 if line.split(None, 1)[:1] == [b"mtllib"]:
@@ -312,13 +316,15 @@ def _copy(data: bytes, place: Path) -> None:
 
 
 def contents(path: Path) -> tuple[list[Draw], dict[str, Soup]]:
-    """No draw calls of its own (a scene's are used); the runs of faces as soups, with all numbers of the lines they name."""
+    """No draw calls of its own (a scene's are used); faces as soups by the statements in force, with all numbers of the lines they name."""
     content = Content(path)
     named, lists = content.vertices()
     rows, points = content.rows(named), content.tables[b"v"][:, :3]
-    kept = [(run, faces) for run, faces in zip(content.runs, lists, strict=True) if len(faces)]
     positions = points[named[:, 0]] if len(named) else None
-    return [], {f"run {i} ({run.state})": Soup(faces, rows, positions) for i, (run, faces) in enumerate(kept)}
+    states: dict[str, list[Array]] = {}
+    for run, faces in zip(content.runs, lists, strict=True):
+        states.setdefault(run.state, []).append(faces)
+    return [], {state: Soup(np.concatenate(parts), rows, positions) for state, parts in states.items()}
 
 
 def rest_differs(before: Path, after: Path) -> str | None:
@@ -332,7 +338,7 @@ def rest_differs(before: Path, after: Path) -> str | None:
         return "lines or points are missing"
     for i, j in zip(old.elements, new.elements, strict=True):
         rows = [_named(c, c.lines[n].split(b"#")[0].split()[1:], n, None) for c, n in ((old, i), (new, j))]
-        places = [[c.tables[b"v"][row[0] - 1].tolist() for row in part] for c, part in zip((old, new), rows, strict=True)]
+        places = [[c.tables[b"v"][row[0] - 1].tobytes() for row in part] for c, part in zip((old, new), rows, strict=True)]
         if places[0] != places[1]:
             return f"{old.lines[i][:40].decode('utf-8', 'replace')!r} is not the same"
     return None

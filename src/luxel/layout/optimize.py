@@ -131,7 +131,7 @@ class Laid(NamedTuple):
 
 
 def lay_out(lists: Sequence[Array], vertex_count: int, options: Options, report: Report, positions: Array | None = None,
-            rows: Callable[[], Array] | None = None, cull: bool = True, renumbered: bool = True,
+            rows: Callable[[], Array] | None = None, cull: bool = True, renumbered: bool = True, needed: Array | None = None,
             progress: Progress | None = None) -> Laid:  # fmt: skip
     """Lay out lists of triangles, each drawn by itself, that share their vertices.
 
@@ -144,6 +144,7 @@ def lay_out(lists: Sequence[Array], vertex_count: int, options: Options, report:
         rows: Makes the (n, words) uint32 by which vertices are compared when welding (`clean.vertex_rows`).
         cull: Back faces are not drawn: for overdraw.
         renumbered: False keeps the vertices where they are.
+        needed: Vertices that something else names: they are not unused.
         progress: To be told the fraction that is done.
     """
     start = time.perf_counter()
@@ -168,7 +169,9 @@ def lay_out(lists: Sequence[Array], vertex_count: int, options: Options, report:
     start = time.perf_counter()
     joined = np.concatenate(made) if made else np.zeros((0, 3), np.int32)
     if renumbered:
-        joined, order_of = renumber(joined, len(kept), keep_unused=not options.drop_unused)
+        named = np.zeros((0, 3), np.int32) if needed is None else np.repeat(target[needed][:, None], 3, 1)
+        numbered, order_of = renumber(np.concatenate([joined, named]), len(kept), keep_unused=not options.drop_unused)
+        joined = numbered[: len(joined)]
         report.unused += len(kept) - len(order_of)
     else:
         order_of = np.arange(len(kept), dtype=np.int32)

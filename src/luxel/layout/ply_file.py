@@ -174,11 +174,9 @@ def optimize(path: Path, options: Options, report: Report, progress: Progress | 
     if few:
         tell(content.where, f"{few} faces with fewer than 3 corners are dropped")
     others = [e for e in content.elements if e is not content.vertices and e is not content.faces]
-    named = any(p.name in _NAMES_VERTICES for e in others for p in e.properties)
-    if named and options.drop_unused:
-        options = replace(options, drop_unused=False)
-        tell(content.where, "vertices that no triangle uses stay: other elements name vertices too")
-    laid = lay_out([content.faces_by_vertex()], content.count, options, report, content.positions(), content.rows, progress=progress)
+    needed = [_numbers(content.columns[e.name][p.name], content.count) for e in others for p in e.properties if p.name in _NAMES_VERTICES and e.rows]
+    laid = lay_out([content.faces_by_vertex()], content.count, options, report, content.positions(), content.rows,
+                   needed=np.unique(np.concatenate(needed)) if needed else None, progress=progress)  # fmt: skip
     faces, source = laid.triangles[0], laid.triangle_source[0]
     columns = dict(content.columns)
     columns["vertex"] = {name: _taken(value, laid.vertex_source) for name, value in columns.get("vertex", {}).items()}
@@ -189,6 +187,12 @@ def optimize(path: Path, options: Options, report: Report, progress: Progress | 
     counts = {"vertex": len(laid.vertex_source), "face": len(faces)}
     elements = [_resized(content, element, counts) for element in content.elements]
     return Package(_header(content, counts), content.order, elements, columns)
+
+
+def _numbers(column: Any, count: int) -> Array:
+    """The vertices that a column names."""
+    values = (column.values if isinstance(column, Lists) else column).astype(np.int64)
+    return np.asarray(values[(values >= 0) & (values < count)])
 
 
 def _renumbered(name: str, value: Any, target: Array) -> Any:

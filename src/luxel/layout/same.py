@@ -41,11 +41,10 @@ def difference(before: Mapping[str, Soup], after: Mapping[str, Soup], dropped_de
         dropped_degenerate: Degenerate triangles of `before` may be missing.
         dropped_duplicates: Of equal triangles of `before` one is enough.
     """
-    if set(before) != set(after):
-        odd = sorted(set(before) ^ set(after))
-        return f"{odd[0]} is in one of the two only"
-    for name, first in before.items():
-        found = _compared(first, after[name], dropped_degenerate, dropped_duplicates)
+    for name in [*before, *(name for name in after if name not in before)]:
+        either = before.get(name) or after[name]
+        nothing = either._replace(triangles=either.triangles[:0], faces=None if either.faces is None else either.faces[:0])
+        found = _compared(before.get(name, nothing), after.get(name, nothing), dropped_degenerate, dropped_duplicates)
         if found:
             return f"{name}: {found}" if name else found
     return None
