@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+
 import numpy as np
 
 from luxel.arrays import Array, checked
@@ -53,3 +56,23 @@ def whole(value: object, name: str, least: int) -> int:
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
         raise InputError(f"{name}: expected a whole number of at least {least}, got {value!r}")
     return int(value)
+
+
+def checked_weights(weights: Sequence[float] | None) -> tuple[float, ...] | None:
+    """Three or four finite numbers, or None."""
+    if weights is None:
+        return None
+    try:
+        numbers = tuple(float(x) for x in weights)
+    except (TypeError, ValueError):
+        numbers = ()
+    if len(numbers) not in (3, 4) or not all(math.isfinite(x) for x in numbers):
+        raise InputError(f"weights: expected k1, k2, k3 and perhaps a fourth, finite numbers, got {weights!r}")
+    return numbers
+
+
+def positive(value: object, name: str) -> float:
+    """`value` as a finite number above 0."""
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)) or not 0 < value < math.inf:
+        raise InputError(f"{name}: expected a number above 0, got {value!r}")
+    return float(value)
