@@ -4,6 +4,7 @@ import re
 import shlex
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -82,6 +83,15 @@ def test_snippets_run(page, tmp_path, monkeypatch):
     for line in lines:
         words = shlex.split(line, comments=True)
         assert main(words[1:]) == 0, line
+
+
+def test_pages_promise_no_extra_that_is_not_there():
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        known = set(tomllib.load(file)["project"]["optional-dependencies"])
+    for page in [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "src").rglob("*.py")]:
+        text = page.read_text(encoding="utf-8")
+        named = re.findall(r"\bextra `(\w+)`", text) + re.findall(r"luxel\[(\w+)\]", text) + re.findall(r"'\.\[(\w+)\]'", text)
+        assert set(named) <= known, page
 
 
 def test_pages_name_what_is_there():

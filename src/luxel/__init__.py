@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from luxel.errors import ExtraMissingError, FileError, InputError, LuxelError, LuxelWarning, UnsupportedError
     from luxel.io import load, save
+    from luxel.layout.optimize import optimize
     from luxel.raster.picture import Picture
     from luxel.raster.render import prepare, render, render_to_png, render_views
     from luxel.scene import Ambient, Camera, Instance, Light, Material, Mesh, Scene, Texture, TextureRef
@@ -26,6 +27,7 @@ __version__ = "0.1.0"
 _HOMES = {
     "luxel.errors": ("ExtraMissingError", "FileError", "InputError", "LuxelError", "LuxelWarning", "UnsupportedError"),
     "luxel.io": ("load", "save"),
+    "luxel.layout.optimize": ("optimize",),
     "luxel.raster.picture": ("Picture",),
     "luxel.raster.render": ("prepare", "render", "render_to_png", "render_views"),
     "luxel.scene": ("Ambient", "Camera", "Instance", "Light", "Material", "Mesh", "Scene", "Texture", "TextureRef"),
@@ -37,7 +39,7 @@ _HOME = {name: home for home, names in _HOMES.items() for name in names}
 __all__ = [
     "Ambient", "Camera", "ExtraMissingError", "FileError", "InputError", "Instance", "Light", "LuxelError", "LuxelWarning", "Material",
     "Mesh", "Picture", "Scene", "Texture", "TextureRef", "UnsupportedError", "__version__", "camera_for", "frame", "inspect", "load",
-    "prepare", "render", "render_to_png", "render_views", "save", "turntable",
+    "optimize", "prepare", "render", "render_to_png", "render_views", "save", "turntable",
 ]  # fmt: skip
 
 

@@ -10,11 +10,11 @@ import time
 import numpy as np
 import pytest
 
-from luxel import __version__
+from luxel import Picture, __version__, frame, load
 from luxel.cli import main
 from luxel.io.images import read_image, write_png
 
-COMMANDS = ["demo", "render", "info", "diff"]
+COMMANDS = ["demo", "render", "info", "diff", "filter", "optimize", "study"]
 CUBE = """\
 v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1
 f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8
@@ -90,6 +90,42 @@ def test_a_mistyped_option_is_suggested(capsys):
     assert "--exposure" in error_of(capsys, "render", "a.obj", "-o", "a.png", "--expsure", "1")
 
 
+def test_wrong_words_say_where_to_look(capsys):
+    assert error_of(capsys, "render").endswith("(luxel render --help shows what there is)\n")
+    assert error_of(capsys, "render", "a.obj", "--azimuth").endswith("(luxel render --help shows what there is)\n")
+    assert error_of(capsys, "help").endswith("(luxel --help shows what there is)\n")
+    assert error_of(capsys, "diff", "a", "b", "c").endswith("(luxel diff --help shows what there is)\n")
+
+
+def test_a_mistyped_file_is_suggested(capsys, cube, tmp_path):
+    write_png(tmp_path / "before.png", np.zeros((2, 2, 3), np.uint8))
+    assert f"did you mean {cube}?" in error_of(capsys, "render", tmp_path / "cub.obj", "-o", tmp_path / "a.png")
+    assert f"did you mean {tmp_path / 'before.png'}?" in error_of(capsys, "diff", tmp_path / "befor.png", tmp_path / "before.png")
+    assert "there is no folder" in error_of(capsys, "info", tmp_path / "models" / "cube.obj")
+
+
+@pytest.mark.parametrize("name", ["a.obj", "a.glb", "a.gltf", "a.ply", "a.stl", "a.off"])
+def test_empty_files_and_folders_are_said(capsys, tmp_path, name):
+    (tmp_path / name).touch()
+    assert "the file is empty" in error_of(capsys, "info", tmp_path / name)
+    (tmp_path / f"folder-{name}").mkdir()
+    assert "it is a folder" in error_of(capsys, "info", tmp_path / f"folder-{name}")
+    assert "it is a folder" in error_of(capsys, "info", tmp_path)
+
+
+def test_more_memory_than_there_is(capsys, cube, tmp_path, monkeypatch):
+    def full(*_, **__):
+        raise MemoryError("Unable to allocate 9 EiB")
+
+    monkeypatch.setattr("luxel.raster.render._draw", full)
+    err = error_of(capsys, "render", cube, "-o", tmp_path / "a.npz", "--size", "32", "--outputs", "color,depth")
+    assert "--size 32x32: not enough memory for color, depth" in err
+    assert ".png" in err
+    assert main(["demo", "-o", str(tmp_path / "a.png"), "--scene", "two-triangles"]) == 1
+    assert capsys.readouterr().err == "luxel: error: not enough memory: Unable to allocate 9 EiB\n"
+    assert os.listdir(tmp_path) == ["cube.obj"]
+
+
 def test_what_is_missing_is_named(capsys, tmp_path):
     assert "FILE" in error_of(capsys, "render")
     assert "no-such.obj" in error_of(capsys, "render", "no-such.obj", "-o", tmp_path / "a.png")
@@ -103,6 +139,16 @@ def test_what_is_missing_is_named(capsys, tmp_path):
         ("--size", "12by3"),
         ("--samples", "3"),
         ("--samples", "many"),
+        ("--size", "2000000x8"),
+        ("--exposure", "65"),
+        ("--exposure", "bright"),
+        ("--azimuth", "north"),
+        ("--turntable", "0"),
+        ("--ssaa", "9"),
+        ("--threads", "many"),
+        ("--previous", "azimut=3"),
+        ("--previous", "azimuth=3"),
+        ("--outputs", "motion"),
         ("--filter", "bx"),
         ("--shading", "toon"),
         ("--background", "blurple"),
@@ -120,7 +166,9 @@ def test_what_is_missing_is_named(capsys, tmp_path):
     ],
 )
 def test_wrong_values_name_the_option(capsys, cube, tmp_path, option, value):
-    assert option in error_of(capsys, "render", cube, "-o", tmp_path / "a.png", option, value)
+    err = error_of(capsys, "render", cube, "-o", tmp_path / "a.npz", option, value)
+    assert err.startswith(f"luxel: error: {option}")
+    assert "expected" in err or "needs" in err
     assert os.listdir(tmp_path) == ["cube.obj"]
 
 
@@ -203,6 +251,27 @@ def test_diff_with_and_without_alpha(capsys, pictures, tmp_path):
     assert main(["diff", pictures[0], str(tmp_path / "grey.png")]) == 0
 
 
+def test_diff_of_pictures_that_hold_nan_and_infinity(capsys, tmp_path, monkeypatch):
+    plain = np.full((8, 8, 4), 0.5, np.float32)
+    odd = plain.copy()
+    odd[2, 3, 0], odd[4, 4, 1] = np.nan, np.inf
+    monkeypatch.chdir(tmp_path)
+    Picture(linear=plain).save("plain.exr")
+    Picture(linear=odd).save("odd.exr")
+    Picture(linear=odd).save("again.exr")
+    assert main(["diff", "odd.exr", "again.exr", "--json"]) == 0
+    said = capsys.readouterr()
+    data = json.loads(said.out)
+    assert (data["same"], data["rmse"], data["ssim"], data["differing_pixels"]) == (True, 0, 1, 0)
+    assert said.err.count("\n") == 1
+    assert "2 pixels hold NaN or infinity" in said.err
+    assert main(["diff", "plain.exr", "odd.exr", "--max-rmse", "9", "--output", "d.png", "--json"]) == 1
+    data = json.loads(capsys.readouterr().out)
+    assert (data["same"], data["rmse"], data["max_difference"], data["differing_pixels"]) == (False, 0, 0, 2)
+    shown = read_image(tmp_path / "d.png")
+    assert sorted(map(tuple, np.argwhere(shown.any(-1)).tolist())) == [(2, 3), (4, 4)]
+
+
 def test_diff_of_two_sizes_is_an_error(capsys, pictures, tmp_path):
     write_png(tmp_path / "c.png", np.zeros((4, 4, 3), np.uint8))
     err = error_of(capsys, "diff", pictures[0], tmp_path / "c.png")
@@ -234,6 +303,30 @@ def test_info_says_what_is_odd(capsys, cube):
     cube.write_text(CUBE.replace("f 4 1 5 8\n", ""))
     assert main(["info", str(cube)]) == 0
     assert "4 open edges" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("terminal", "columns", "whole"), [("", "100", True), ("1", "100", False), ("1", "40", True)])
+def test_info_folds_long_names_in_a_terminal_with_room(capsys, cube, monkeypatch, terminal, columns, whole):
+    monkeypatch.setenv("COLUMNS", columns)
+    monkeypatch.setenv("FORCE_COLOR", terminal)  # as if it were one
+    name = "a-mesh-with-a-name-of-many-words-" * 4
+    cube.write_text(f"o {name}\n" + CUBE * 1000)
+    assert main(["info", str(cube)]) == 0
+    table = capsys.readouterr().out.split("Meshes")[1].split("Odd")[0]
+    assert (name in table) == whole
+    assert "12,000" in table  # numbers are never folded
+
+
+def test_info_of_nothing(capsys, tmp_path):
+    (tmp_path / "points.obj").write_text("v 0 0 0\n")
+    assert main(["info", str(tmp_path / "points.obj")]) == 0
+    assert "\n  no triangles  (there is nothing to draw)" in capsys.readouterr().out
+
+
+def test_info_says_what_lies_at_the_same_place(capsys, cube):
+    cube.write_text("o one\n" + CUBE + "o two\n" + CUBE)
+    assert main(["info", str(cube)]) == 0
+    assert "1 coincident objects in one, two" in capsys.readouterr().out
 
 
 def test_a_reader_that_goes_away_is_no_error(cube):
@@ -294,6 +387,30 @@ def test_turntable_numbers_its_files(capsys, cube, tmp_path):
     a, b, c = (read_image(path) for path in expected)
     assert (a != b).any()
     assert (b != c).any()
+
+
+def test_motion_is_that_of_the_picture_before(cube, tmp_path):
+    """What one picture shows at a pixel, the other shows where its motion says."""
+    path = tmp_path / "motion.npz"
+    words = ["-o", str(path), "--size", "64", "--samples", "1", "--outputs", "position,motion", "-q"]
+    assert main(["render", str(cube), *words, "--azimuth", "10", "--previous", "azimuth=12"]) == 0
+    with np.load(path) as arrays:
+        position, motion = arrays["position"].astype(float), arrays["motion"]
+    seen = np.abs(motion).sum(-1) > 0
+    assert seen.sum() > 500
+    corners = np.column_stack([position[seen], np.ones(seen.sum())])
+    clip = corners @ frame(load(cube), np.radians(12), size=(64, 64)).clip_from_world((64, 64)).T
+    before = 32 + 32 * clip[:, :2] / clip[:, 3:] * [1, -1]
+    now = np.argwhere(seen)[:, ::-1] + 0.5
+    assert np.abs(motion[seen] - (now - before)).max() < 1e-3
+
+
+def test_motion_in_a_turntable(cube, tmp_path):
+    words = ["--size", "24", "--outputs", "motion", "--turntable", "3", "-q"]
+    assert main(["render", str(cube), "-o", str(tmp_path / "t.npz"), *words]) == 0
+    for i in range(3):
+        with np.load(tmp_path / f"t_{i:03}.npz") as arrays:
+            assert np.abs(arrays["motion"]).max() > 1
 
 
 def test_options_reach_the_renderer(cube, tmp_path):

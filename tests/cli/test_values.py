@@ -58,6 +58,28 @@ def test_background(text, rgb):
         assert values.background(text) == pytest.approx(tuple(rgb))
 
 
+@pytest.mark.parametrize("text", ["1048577", "8x2000000"])
+def test_size_too_large(text):
+    with pytest.raises(InputError, match="--size: expected at most 1048576 pixels a side, got"):
+        values.size(text)
+
+
+@pytest.mark.parametrize("text", ["0", "9", "-1", "2.5", "many", "", "1e3", "9" * 30])
+def test_whole_numbers(text):
+    assert values.whole(" 8 ", "--ssaa", 1, 8) == 8
+    with pytest.raises(InputError, match=f"--ssaa: expected a whole number from 1 to 8, got '{text}'"):
+        values.whole(text, "--ssaa", 1, 8)
+    with pytest.raises(InputError, match="--threads: expected a whole number of at least 1, got '0'"):
+        values.whole("0", "--threads", 1)
+
+
+@pytest.mark.parametrize("text", ["65", "-65", "nan", "inf", "bright", ""])
+def test_numbers(text):
+    assert values.number("-2.5", "--exposure", "stops") == -2.5
+    with pytest.raises(InputError, match=f"--exposure: expected -64 to 64 stops, got '{text}'"):
+        values.number(text, "--exposure", "-64 to 64 stops", lambda x: abs(x) <= 64)
+
+
 def test_background_wrong_suggests():
     with pytest.raises(InputError, match="did you mean orange"):
         values.background("oragne")
@@ -67,6 +89,9 @@ def test_choice_and_names():
     assert values.choice("box", ("box", "tent"), "--filter") == "box"
     with pytest.raises(InputError, match="expected one of box, tent, got 'tnet'; did you mean tent"):
         values.choice("tnet", ("box", "tent"), "--filter")
+    assert values.choice("4", (1, 4), "--samples") == 4
+    with pytest.raises(InputError, match="--samples: expected one of 1, 4, got '3'"):
+        values.choice("3", (1, 4), "--samples")
     assert values.names("color, depth,color", ("color", "depth"), "--outputs") == ("color", "depth")
     with pytest.raises(InputError, match="--outputs"):
         values.names(" , ", ("color",), "--outputs")
@@ -84,6 +109,9 @@ def test_output(tmp_path, monkeypatch):
     (tmp_path / "b.png").mkdir()
     with pytest.raises(FileError, match="a folder"):
         values.output(tmp_path / "b.png", (".png",))
+    monkeypatch.setattr("os.access", lambda path, mode: False)  # for root everything is open
+    with pytest.raises(FileError, match="no permission"):
+        values.output(tmp_path / "c.png", (".png",))
 
 
 def scene_with_cameras():
@@ -141,9 +169,63 @@ def test_turntable():
     assert len(View(turntable=7).cameras(Scene.from_mesh(box()), SIZE)) == 7
 
 
+def before(view, scene=None):
+    (camera,) = view.cameras_before([], scene or scene_with_cameras(), SIZE)
+    return camera
+
+
+def same(camera, /, **options):
+    """Whether `camera` is the one of a View with these options."""
+    (other,) = View(**options).cameras(scene_with_cameras(), SIZE)
+    assert camera.yfov == other.yfov
+    np.testing.assert_array_equal(camera.world_from_camera, other.world_from_camera)
+
+
+def test_the_camera_before_is_this_one_but_for_what_is_named():
+    assert before(View()) is None
+    same(before(View(azimuth=10, elevation=5, previous="azimuth=12")), azimuth=12, elevation=5)
+    same(before(View(azimuth="10", fov="30", previous="fov=35")), azimuth=10, fov=35)
+    same(before(View(azimuth=10, up="z", fov=30, previous="eye=0,1,9")), eye="0,1,9", up="z", fov=30)
+    same(before(View(eye="1,1,5", target="0,0,1", previous="eye=2,1,5")), eye="2,1,5", target="0,0,1")
+    same(before(View(eye="1,1,5", previous="azimuth=3 elevation=4")), azimuth=3, elevation=4)
+    same(before(View("near", previous="camera=far")), camera="far")
+    same(before(View(azimuth=1, previous="ortho=3")), azimuth=1, ortho="3")
+    same(before(View(previous="azimuth=25")), azimuth=25)
+    named = scene_with_cameras()
+    named.cameras[1].name = "far away"
+    assert before(View(previous="camera='far away'"), named) is named.cameras[1]
+
+
+def test_in_a_turntable_the_camera_before_is_that_of_the_picture_before():
+    scene, view = scene_with_cameras(), View(turntable=3)
+    cameras = view.cameras(scene, SIZE)
+    befores = view.cameras_before(cameras, scene, SIZE)
+    for i in range(3):
+        np.testing.assert_array_equal(befores[i].world_from_camera, cameras[i - 1].world_from_camera)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "expected camera options such as"),
+        ("azimuth", "expected camera options such as"),
+        ("azimuth=", "expected camera options such as"),
+        ("camera='near", "expected camera options such as"),
+        ("azimut=3", "did you mean azimuth"),
+        ("turntable=3", "expected one of camera, azimuth"),
+        ("azimuth=north", "--azimuth: expected degrees, got 'north'"),
+        ("eye=1,2,3 azimuth=4", "--eye goes with"),
+    ],
+)
+def test_wrong_camera_before(text, message):
+    with pytest.raises(InputError, match=f"--previous: .*{message}"):
+        View(previous=text)
+
+
 @pytest.mark.parametrize(
     "options",
     [
+        {"turntable": 3, "previous": "azimuth=3"},
         {"camera": "0", "azimuth": 3},
         {"camera": "0", "eye": "1,2,3"},
         {"eye": "1,2,3", "elevation": 4},
@@ -153,6 +235,8 @@ def test_turntable():
         {"fov": 180},
         {"fov": 50, "ortho": "2"},
         {"turntable": 0},
+        {"turntable": 10**8},
+        {"up": "0,0,0"},
         {"eye": "1,2"},
         {"eye": "1,2,3", "target": "x,y,z"},
     ],
@@ -160,6 +244,12 @@ def test_turntable():
 def test_options_that_exclude_each_other(options):
     with pytest.raises(InputError, match="--"):
         View(**options)
+
+
+@pytest.mark.parametrize("options", [{"eye": "1,2,3", "target": "1,2,3"}, {"eye": "0,0,0"}])
+def test_a_camera_that_stands_in_its_target(options):
+    with pytest.raises(InputError, match="--eye: expected another place than the target"):
+        View(**options).cameras(Scene.from_mesh(box()), SIZE)
 
 
 @pytest.mark.parametrize("height", ["0", "-1", "tall", "nan", "inf"])

@@ -281,6 +281,8 @@ def test_impossible_vertices_in_a_moved_mesh_without_normals(bad):
     ({"samples": 3}, "samples"), ({"samples": 8, "pattern": "grid"}, "grid 8"), ({"ssaa": 0}, "ssaa"), ({"ssaa": 2.5}, "ssaa"),
     ({"ssaa": 2, "samples": 4}, "samples and ssaa"), ({"filter": "bx"}, "filter"), ({"shading": "toon"}, "shading"), ({"cull": "front"}, "cull"),
     ({"background": (1, 2)}, "background"), ({"background": (1, 2, np.nan)}, "background"), ({"outputs": ("colour",)}, "outputs"),
+    ({"background": (0, -0.1, 0)}, "RGB of at least 0"), ({"background": (0, 0, 0, 1.1)}, "alpha from 0 to 1"), ({"background": "white"}, "'white'"),
+    ({"background": (0, 0, 0, -0.1)}, "alpha"), ({"samples": "4"}, "expected 1, 2, 4, 8 or 16, got '4'"), ({"samples": 4.0}, "got 4.0"),
     ({"outputs": ()}, "outputs"), ({"exposure": np.inf}, "exposure"), ({"threads": 0}, "threads"), ({"threads": "many"}, "threads"),
     ({"tile": 48}, "tile"), ({"tile": 64.0}, "tile"), ({"camera": "front"}, "camera"), ({"samples": [4]}, "samples"), ({"filter": ["box"]}, "filter"),
 ])  # fmt: skip

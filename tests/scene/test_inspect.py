@@ -151,3 +151,49 @@ def test_report_goes_to_json(scene):
     back = json.loads(json.dumps(inspect(scene).as_dict(), allow_nan=False))
     assert back["triangles"] == scene.triangle_count
     assert len(back["cameras"]) == 1
+
+
+def coincidences(scene):
+    return [(o.count, o.where) for o in inspect(scene).oddities if o.kind == "coincident objects"]
+
+
+def test_instances_of_one_mesh_at_one_place():
+    scene = Scene(meshes=[torus()], instances=[Instance(0, translation((x, 0, 0)), i, name) for i, (x, name) in enumerate(
+        [(0, "a"), (1, ""), (0, "c"), (1, "d"), (1, "e"), (2, "f")])])  # fmt: skip
+    assert sorted(coincidences(scene)) == [(1, "a, c"), (2, "instance 1, d and 1 more")]
+
+
+def test_equal_triangles_in_other_meshes_in_another_order_through_other_matrices():
+    a = icosphere()
+    rng = np.random.default_rng(0)
+    order, triangles = rng.permutation(len(a.positions)), rng.permutation(len(a.triangles))
+    b = Mesh(a.positions[order] * np.float32(4), np.roll(np.argsort(order)[a.triangles][triangles], 1, 1))
+    place = translation((1, 2, 3)) @ scaling([0.7] * 3)
+    scene = Scene()
+    scene.add(a, world_from_mesh=place, name="a")
+    scene.add(b, world_from_mesh=place @ scaling([0.25] * 3), name="b")
+    assert coincidences(scene) == [(1, "a, b")]
+
+
+def test_what_is_near_or_alike_is_not_coincident():
+    scene = Scene()
+    scene.add(box())
+    scene.add(box(), world_from_mesh=translation((1e-4, 0, 0)))
+    scene.add(box(), world_from_mesh=scaling([1.001] * 3))
+    other = box()
+    other.triangles[0] = other.triangles[1]  # as many triangles
+    scene.add(other)
+    assert coincidences(scene) == []
+    scene.instances[3].mesh = 0
+    assert coincidences(scene) == [(1, "box, box")]
+
+
+def test_coincidence_with_positions_that_are_not_finite():
+    mesh = Mesh([[0, 0, 0], [np.nan, 0, 0], [0, np.inf, 0]], [[0, 1, 2]])
+    assert coincidences(Scene(meshes=[mesh], instances=[Instance(0), Instance(0)])) == [(1, "instance 0, instance 1")]
+
+
+def test_many_placements_of_a_mesh_are_told_apart_by_their_middles(monkeypatch):
+    monkeypatch.setattr("luxel.scene.coincidence._signature", lambda *a: pytest.fail("no triangle needs to be looked at"))
+    scene = Scene(meshes=[torus()], instances=[Instance(0, translation((i, 0, 0)), i) for i in range(100)])
+    assert coincidences(scene) == []

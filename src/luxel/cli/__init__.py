@@ -46,10 +46,12 @@ def _guarded(words: list[str]) -> int:
         return _fail(str(error), 2, words, error)
     except OSError as error:
         return _fail(f"{error.filename}: {error.strerror}" if error.filename else str(error), 2, words, error)
+    except MemoryError as error:
+        return _fail(f"not enough memory: {error or 'no more could be had'}", 1, words, error)
     except Exception as error:
         usage = getattr(error, "format_message", None)  # typer's own errors, wherever this version of it keeps them
         if usage:
-            return _fail(_suggested(error, usage()), 2, words, error)
+            return _fail(_suggested(error, usage(), words), 2, words, error)
         what = str(error) or "no message"
         return _fail(f"unexpected {type(error).__name__}: {what} (--traceback shows where)", 1, words, error)
     if code == INTERRUPTED:
@@ -57,11 +59,14 @@ def _guarded(words: list[str]) -> int:
     return code
 
 
-def _suggested(error: Exception, message: str) -> str:
+def _suggested(error: Exception, message: str, words: list[str]) -> str:
+    """typer's message, with what was meant if it can be guessed, or else where to look."""
     name, near = getattr(error, "option_name", None), getattr(error, "possibilities", None)
     if name and near:
         return f"No such option {name}. Did you mean {' or '.join(near)}?"
-    return message
+    command = [word for word in words[:1] if not word.startswith("-")]
+    path = getattr(getattr(error, "ctx", None), "command_path", " ".join(["luxel", *command]))
+    return message if "Did you mean" in message else f"{message.rstrip('.')} ({path} --help shows what there is)"
 
 
 def _fail(message: str, code: int, words: list[str], error: BaseException) -> int:

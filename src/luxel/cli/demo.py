@@ -18,7 +18,7 @@ def demo(
     output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="The picture: .png, .jpg, .exr or .npz.")] = Path("luxel-demo.png"),
     size: Annotated[str, typer.Option("--size", metavar="WxH", help="Pixels.")] = "1280x720",
     scene: Annotated[str, typer.Option("--scene", metavar="NAME", help="room, cornell-box, bumpy-sphere or two-triangles.")] = "room",
-    samples: Annotated[int, typer.Option("--samples", metavar="N", help="Samples a pixel: 1, 2, 4, 8 or 16.")] = 4,
+    samples: Annotated[str, typer.Option("--samples", metavar="N", help="Samples a pixel: 1, 2, 4, 8 or 16.")] = "4",
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -28,7 +28,7 @@ def demo(
 
     make = SCENES[values.choice(scene, SCENES, "--scene")]
     width, height = values.size(size)
-    values.choice(samples, SAMPLES, "--samples")
+    count = values.choice(samples, SAMPLES, "--samples")
     values.output(output, EXTENSIONS)
     console = Console(quiet, as_json)
     start = time.perf_counter()
@@ -36,7 +36,7 @@ def demo(
     with console.work("drawing") as report:
         from luxel import render
 
-        picture = render(built, size=(width, height), samples=samples, progress=report)
+        picture = render(built, size=(width, height), samples=count, progress=report)
     picture.save(output)
     took = time.perf_counter() - start
     triangles = built.triangle_count

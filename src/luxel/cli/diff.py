@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -9,6 +10,7 @@ import typer
 
 from luxel.cli import values
 from luxel.cli.console import Console, Json, Quiet
+from luxel.errors import LuxelWarning
 
 if TYPE_CHECKING:
     from luxel.arrays import Array
@@ -19,7 +21,7 @@ EXAMPLE = "luxel diff before.png after.png --max-rmse 0.01 --output difference.p
 def diff(
     a: Annotated[Path, typer.Argument(metavar="A", help="A picture: .png, .jpg, .exr, .hdr and others.")],
     b: Annotated[Path, typer.Argument(metavar="B", help="Another of the same size.")],
-    max_rmse: Annotated[float, typer.Option("--max-rmse", metavar="X", help="Up to this RMSE (white is 1) they count as the same.")] = 0.0,
+    max_rmse: Annotated[str, typer.Option("--max-rmse", metavar="X", help="Up to this RMSE (white is 1) they count as the same.")] = "0",
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", metavar="FILE", help="A .png of where they differ; white differs most."),
@@ -31,19 +33,19 @@ def diff(
 
     Exit code 0: the same. 1: different. 2: they cannot be compared.
     """
-    from luxel.errors import InputError
     from luxel.filter.metrics import difference_picture
     from luxel.io.images import write_png
 
-    if not max_rmse >= 0:
-        raise InputError(f"--max-rmse: expected a number of at least 0, got {max_rmse}")
+    most = values.number(max_rmse, "--max-rmse", "a number of at least 0", lambda x: x >= 0)
     if output is not None:
         values.output(output, (".png",))
-    first, second = _pair(a, b)
-    figures = _figures(first, second)
-    same = figures["rmse"] <= max_rmse
+    first, second, unlike = _finite(*_pair(a, b))
+    figures = _figures(first, second, unlike)
+    same = figures["rmse"] <= most and not unlike.any()
     if output is not None:
-        write_png(output, difference_picture(first, second))
+        picture = difference_picture(first, second)
+        picture[unlike] = 255
+        write_png(output, picture)
     data = {"same": same, **figures, "output": None if output is None else str(output)}
     Console(quiet, as_json).result(data, _sentence(figures, same, output))
     if not same:
@@ -65,6 +67,21 @@ def _pair(a: Path, b: Path) -> tuple[Array, Array]:
     return (first, second) if len(channels) == 1 else (_rgba(first), _rgba(second))
 
 
+def _finite(a: Array, b: Array) -> tuple[Array, Array, Array]:
+    """Both pictures without what is not finite in either, and (h, w) bool: the pixels at which that is not the same in both."""
+    import numpy as np
+
+    with np.errstate(invalid="ignore"):
+        wild = ~(np.isfinite(a) & np.isfinite(b))
+        unlike = (wild & (a != b) & ~(np.isnan(a) & np.isnan(b))).any(-1)
+    if wild.any():
+        count = int(wild.any(-1).sum())
+        what = "they count as different where they are not the same in both, and not in the figures"
+        warnings.warn(f"{count:,} pixels hold NaN or infinity: {what}", LuxelWarning, stacklevel=2)
+        a, b = np.where(wild, 0, a), np.where(wild, 0, b)
+    return a, b, unlike
+
+
 def _rgba(picture: Array) -> Array:
     import numpy as np
 
@@ -74,7 +91,7 @@ def _rgba(picture: Array) -> Array:
     return np.concatenate([color, alpha], 2)
 
 
-def _figures(a: Array, b: Array) -> dict[str, Any]:
+def _figures(a: Array, b: Array, unlike: Array) -> dict[str, Any]:
     """The metrics, as JSON has them (no infinity: PSNR of equal pictures is None)."""
     import numpy as np
 
@@ -87,7 +104,7 @@ def _figures(a: Array, b: Array) -> dict[str, Any]:
         "psnr": ratio if np.isfinite(ratio) else None,
         "ssim": ssim(a, b, peak),
         "max_difference": max_difference(a, b),
-        "differing_pixels": int((a != b).any(-1).sum()),
+        "differing_pixels": int(((a != b).any(-1) | unlike).sum()),
         "pixels": int(a.shape[0] * a.shape[1]),
         "peak": peak,
     }

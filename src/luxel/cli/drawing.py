@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import inf, isfinite
+import shlex
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +19,22 @@ from luxel.scene.framing import AZIMUTH, ELEVATION, YFOV, frame, turntable
 EXTENSIONS = (".png", ".jpg", ".jpeg", ".exr", ".npz")
 SAMPLES = (1, 2, 4, 8, 16)
 STREAMED = 64_000_000  # pixels: a picture with more is never held whole
+_NUMBERS: dict[str, tuple[str, Callable[[float], bool]]] = {
+    "azimuth": ("degrees", isfinite),
+    "elevation": ("degrees from -90 to 90", lambda x: abs(x) <= 90),
+    "distance": ("metres above 0", lambda x: x > 0),
+    "fov": ("degrees between 0 and 180", lambda x: 0 < x < 180),
+}
+_PLACES = ({"camera"}, {"eye", "target"}, {"azimuth", "elevation", "distance"})  # ways to say where a camera stands
 
 
 @dataclass
 class View:
-    """The camera options as they were typed; angles in degrees, None where they were not."""
+    """The camera options, as they were typed or as numbers; angles in degrees, None where they were not given.
+
+    Raises:
+        InputError: One has a wrong value, or two exclude each other.
+    """
 
     camera: str | None = None
     azimuth: float | None = None
@@ -33,8 +46,14 @@ class View:
     up: str | None = None
     ortho: str | None = None
     turntable: int | None = None
+    previous: str | None = None
 
     def __post_init__(self) -> None:
+        for name, (wanted, fits) in _NUMBERS.items():
+            if getattr(self, name) is not None:
+                setattr(self, name, values.number(getattr(self, name), f"--{name}", wanted, fits))
+        if self.turntable is not None:
+            self.turntable = values.whole(str(self.turntable), "--turntable", 1, 100_000)
         framed = [self.azimuth, self.elevation, self.distance]
         if self.camera is not None and any(v is not None for v in (*framed, self.eye, self.ortho, self.turntable)):
             raise InputError("--camera takes a camera of the file: it goes with --fov, not with another camera option")
@@ -42,22 +61,17 @@ class View:
             raise InputError("--eye goes with --target, --up, --fov and --ortho, not with what frames the scene")
         if self.target is not None and self.eye is None:
             raise InputError("--target needs --eye: where the camera stands")
-        if self.azimuth is not None and not isfinite(self.azimuth):
-            raise InputError(f"--azimuth: expected degrees, got {self.azimuth:g}")
-        if self.elevation is not None and not abs(self.elevation) <= 90:
-            raise InputError(f"--elevation: expected degrees from -90 to 90, got {self.elevation:g}")
-        if self.distance is not None and not 0 < self.distance < inf:
-            raise InputError(f"--distance: expected metres above 0, got {self.distance:g}")
-        if self.fov is not None and not 0 < self.fov < 180:
-            raise InputError(f"--fov: expected degrees between 0 and 180, got {self.fov:g}")
         if self.fov is not None and self.ortho is not None:
             raise InputError("--fov and --ortho: an orthographic camera has no field of view")
-        if self.turntable is not None and self.turntable < 1:
-            raise InputError(f"--turntable: expected at least 1 picture, got {self.turntable}")
-        self._height(), self._up()  # wrong words are told before a large file is read
+        if self.previous is not None and self.turntable is not None:
+            raise InputError("--previous and --turntable: each picture of a turntable has the one before it")
+        if not any(self._up()):
+            raise InputError(f"--up: expected a direction, got {self.up!r}")
+        self._height()  # wrong words are told before a large file is read
         for option in ("eye", "target"):
             if getattr(self, option) is not None:
                 values.vector(getattr(self, option), f"--{option}")
+        self._before()
 
     def cameras(self, scene: Scene, size: tuple[int, int]) -> list[Camera]:
         """The cameras meant, for pictures of `size` (width, height)."""
@@ -78,6 +92,35 @@ class View:
             "up": self._up(),
         }
         return [frame(scene, **options)] if self.turntable is None else turntable(scene, self.turntable, **options)
+
+    def cameras_before(self, cameras: list[Camera], scene: Scene, size: tuple[int, int]) -> list[Camera | None]:
+        """For each of `cameras`, the one that motion comes from: of --previous, or in a turntable the one before (a loop)."""
+        if self.turntable is not None:
+            return [*cameras[-1:], *cameras[:-1]]
+        before = self._before()
+        return [None] if before is None else [*before.cameras(scene, size)]
+
+    def _before(self) -> View | None:
+        """The view that --previous describes: these options, but for those that it names."""
+        if self.previous is None:
+            return None
+        known = [name for name in asdict(self) if name not in ("turntable", "previous")]
+        try:
+            pairs = [word.partition("=") for word in shlex.split(self.previous)]
+        except ValueError:  # quotes that do not close
+            pairs = []
+        if not pairs or not all(value for _, _, value in pairs):
+            raise InputError(f"--previous: expected camera options such as 'azimuth=25 elevation=20', got {self.previous!r}")
+        named = {values.choice(name, known, "--previous"): value for name, _, value in pairs}
+        kept = asdict(self) | {"previous": None}
+        if any(place & named.keys() for place in _PLACES):  # it stands in another way: not in two
+            kept |= {name: None for place in _PLACES if not place & named.keys() for name in place}
+        if "fov" in named or "ortho" in named:
+            kept |= {"fov": None, "ortho": None}
+        try:
+            return View(**kept | named)
+        except InputError as error:
+            raise InputError(f"--previous: {error}") from None
 
     def _yfov(self) -> float | None:
         if self.ortho is not None:
@@ -108,6 +151,8 @@ class View:
         eye = values.vector(self.eye, "--eye")
         bounds = scene.bounds()
         target = bounds.mean(0) if self.target is None else values.vector(self.target, "--target")
+        if np.array_equal(eye, target):
+            raise InputError(f"--eye: expected another place than the target, got {self.eye!r}")
         reach = float(np.linalg.norm(bounds - eye, axis=1).max()) + float(np.linalg.norm(bounds[1] - bounds[0])) + 1e-3
         if self.ortho is None:
             return Camera.look_at(eye, target, self._up(), yfov=self._yfov(), near=1e-4 * reach)

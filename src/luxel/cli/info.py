@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 EXAMPLE = "luxel info model.glb"
 Cells = list[tuple[str, ...]]
 _ROWS = 20  # of a table, without --all
+_STATES = ("no triangles", "tiny extent", "huge extent", "far from the origin")  # oddities of which there is one or none
+_UNFOLDED = 10_000  # columns: what goes into a file or to another program keeps its lines whole,
+_NARROW = 72  # and so does what a narrower terminal wraps more readably than a table folds
 
 
 def info(
@@ -45,6 +48,8 @@ def _show(file: Path, loaded: float, report: Report, rows: int | None) -> None:
     from rich.text import Text
 
     out = RichConsole(highlight=False, emoji=False, markup=False)
+    if not out.is_terminal or out.width < _NARROW:
+        out.width = _UNFOLDED
     size = " x ".join(f"{e:.4g}" for e in report.extent)
     low, high = (", ".join(f"{c:.4g}" for c in corner) for corner in report.bounds)
     title = Text.assemble((str(file), "bold"), f"  {_bytes(file.stat().st_size)}, loaded in {seconds(loaded)}")
@@ -54,12 +59,13 @@ def _show(file: Path, loaded: float, report: Report, rows: int | None) -> None:
     for heading, columns, cells in _tables(report):
         if cells:
             out.print(f"\n{heading} ({len(cells)})", style="bold")
-            out.print(_table(columns, cells[:rows]))
+            out.print(_table(columns, cells[:rows]), soft_wrap=out.width == _UNFOLDED)
             if rows and len(cells) > rows:
                 out.print(f"  ... and {len(cells) - rows} more (--all)", style="dim")
     out.print("\nOdd" if report.oddities else "\nNothing odd.", style="bold" if report.oddities else "green")
     for count, kind, where, what in _grouped(report, everything=rows is None):
-        out.print(Text.assemble("  ", (f"{count:,} {kind}", "yellow"), where, (f"  ({what})", "dim")), soft_wrap=True)
+        counted = kind if kind in _STATES else f"{count:,} {kind}"
+        out.print(Text.assemble("  ", (counted, "yellow"), where, (f"  ({what})", "dim")), soft_wrap=True)
 
 
 def _grouped(report: Report, everything: bool) -> list[tuple[int, str, str, str]]:
@@ -113,7 +119,7 @@ def _table(columns: tuple[str, ...], cells: Cells) -> Any:
     used = [i for i in range(len(columns)) if any(row[i] for row in cells)]
     for column in (columns[i] for i in used):
         right = column.startswith(">")
-        table.add_column(column.removeprefix(">"), justify="right" if right else "left", overflow="fold")
+        table.add_column(column.removeprefix(">"), justify="right" if right else "left", overflow="fold", no_wrap=right)
     for row in cells:
         table.add_row("", *(Text(row[i]) for i in used))
     return table

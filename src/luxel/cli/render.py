@@ -34,6 +34,7 @@ _OUTPUTS = (
     "position",
     "barycentric",
     "texcoord",
+    "motion",
 )
 
 
@@ -48,24 +49,26 @@ File = Annotated[Path, typer.Argument(metavar="FILE", help=_kinds, show_default=
 Output = Annotated[Path | None, _option(None, "-o", "--output", metavar="OUT", help=f"{_pictures} [FILE's name, .png, here]")]
 Size = Annotated[str, _option(None, "--size", metavar="WxH", help="Pixels; one number makes a square.")]
 Outputs = Annotated[str, _option(None, "--outputs", metavar="LIST", help=f"For .exr and .npz: {', '.join(_OUTPUTS)}.")]
-Threads = Annotated[int | None, _option(None, "--threads", metavar="N", help="Of the processor [all].", min=1)]
+Threads = Annotated[str | None, _option(None, "--threads", metavar="N", help="Of the processor [all].")]
 
 _camera = partial(_option, "Camera")
 NamedCamera = Annotated[str | None, _camera("--camera", metavar="NAME", help="One of the file's, or its number [the first].")]
-Azimuth = Annotated[float | None, _camera("--azimuth", metavar="DEG", help="Frame from this side: 0 front, 90 right [30].")]
-Elevation = Annotated[float | None, _camera("--elevation", metavar="DEG", help="And from so high, -90 to 90 [20].")]
-Distance = Annotated[float | None, _camera("--distance", metavar="M", help="And from so far [what fits the picture].")]
-Fov = Annotated[float | None, _camera("--fov", metavar="DEG", help="Vertical field of view [40, or the camera's].")]
+Azimuth = Annotated[str | None, _camera("--azimuth", metavar="DEG", help="Frame from this side: 0 front, 90 right [30].")]
+Elevation = Annotated[str | None, _camera("--elevation", metavar="DEG", help="And from so high, -90 to 90 [20].")]
+Distance = Annotated[str | None, _camera("--distance", metavar="M", help="And from so far [what fits the picture].")]
+Fov = Annotated[str | None, _camera("--fov", metavar="DEG", help="Vertical field of view [40, or the camera's].")]
 Eye = Annotated[str | None, _camera("--eye", metavar="X,Y,Z", help="Or stand here ...")]
 Target = Annotated[str | None, _camera("--target", metavar="X,Y,Z", help="... and look there [the middle].")]
 Up = Annotated[str | None, _camera("--up", metavar="AXIS", help="What is up: y, z or X,Y,Z [y].")]
 Ortho = Annotated[str | None, _camera("--ortho", metavar="M", help="Orthographic, so many metres high, or fit.")]
-Turntable = Annotated[int | None, _camera("--turntable", metavar="N", help="N pictures around: OUT_000.png, OUT_001.png ...")]
+Turntable = Annotated[str | None, _camera("--turntable", metavar="N", help="N pictures around: OUT_000.png, OUT_001.png ...")]
+_before = "Where motion comes from: options of the camera before, such as 'azimuth=25 elevation=20'."
+Previous = Annotated[str | None, _camera("--previous", metavar="CAMERA", help=_before)]
 
 _sampling = partial(_option, "Sampling")
-Samples = Annotated[int | None, _sampling("--samples", metavar="N", help="Samples a pixel: 1, 2, 4, 8 or 16 [4].")]
+Samples = Annotated[str | None, _sampling("--samples", metavar="N", help="Samples a pixel: 1, 2, 4, 8 or 16 [4].")]
 Pattern = Annotated[str, _sampling("--pattern", metavar="NAME", help="Where they lie: standard, or grid (of 4).")]
-Ssaa = Annotated[int, _sampling("--ssaa", metavar="N", help="In place of samples: shade N x N times a pixel.", min=1, max=8)]
+Ssaa = Annotated[str, _sampling("--ssaa", metavar="N", help="In place of samples: shade N x N times a pixel, N up to 8.")]
 Filter = Annotated[str, _sampling("--filter", metavar="NAME", help=f"From samples to pixels: {', '.join(_FILTERS)}.")]
 
 _look = partial(_option, "Look")
@@ -73,10 +76,10 @@ _shadings = f"{', '.join(_SHADINGS)} [what the material asks for]."
 Shading = Annotated[str | None, _look("--shading", metavar="NAME", help=_shadings)]
 Background = Annotated[str, _look("--background", metavar="COLOR", help="'#rrggbb', a name, or none: transparent; white in a .jpg.")]
 Cull = Annotated[str, _look("--cull", metavar="WHAT", help="Hide back faces: material (as it says), back or none.")]
-Exposure = Annotated[float, _look("--exposure", metavar="EV", help="Brighter by so many stops.")]
+Exposure = Annotated[str, _look("--exposure", metavar="EV", help="Brighter by so many stops.")]
 Lightmap = Annotated[Path | None, _look("--lightmap", metavar="FILE", help="A baked picture for TEXCOORD_1.")]
 _creases = "Where normals are made, edges sharper than this stay [50]."
-CreaseAngle = Annotated[float | None, _look("--crease-angle", metavar="DEG", help=_creases)]
+CreaseAngle = Annotated[str | None, _look("--crease-angle", metavar="DEG", help=_creases)]
 
 
 def render(
@@ -95,14 +98,15 @@ def render(
     up: Up = None,
     ortho: Ortho = None,
     turntable: Turntable = None,
+    previous: Previous = None,
     samples: Samples = None,
     pattern: Pattern = "standard",
-    ssaa: Ssaa = 1,
+    ssaa: Ssaa = "1",
     filter: Filter = "box",
     shading: Shading = None,
     background: Background = "none",
     cull: Cull = "material",
-    exposure: Exposure = 0.0,
+    exposure: Exposure = "0",
     lightmap: Lightmap = None,
     crease_angle: CreaseAngle = None,
     quiet: Quiet = False,
@@ -115,30 +119,37 @@ def render(
     from luxel.cli.drawing import EXTENSIONS, SAMPLES, View
 
     pixels = values.size(size)
+    shots = values.whole(ssaa, "--ssaa", 1, 8)
     output = output or Path(f"{file.stem}.png")
     opaque = output.suffix.lower() in (".jpg", ".jpeg")  # they have no transparency
-    view = View(camera, azimuth, elevation, distance, fov, eye, target, up, ortho, turntable)
+    numbers: dict[str, Any] = {"azimuth": azimuth, "elevation": elevation, "distance": distance, "fov": fov, "turntable": turntable}
+    view = View(camera, eye=eye, target=target, up=up, ortho=ortho, previous=previous, **numbers)
     options: dict[str, Any] = {
-        "samples": values.choice(samples or (1 if ssaa > 1 else 4), SAMPLES, "--samples"),
+        "samples": values.choice(samples or ("1" if shots > 1 else "4"), SAMPLES, "--samples"),
         "pattern": values.choice(pattern, ("standard", "grid"), "--pattern"),
-        "ssaa": ssaa,
+        "ssaa": shots,
         "filter": values.choice(filter, _FILTERS, "--filter"),
         "shading": None if shading is None else values.choice(shading, _SHADINGS, "--shading"),
         "cull": values.choice(cull, ("material", "back", "none"), "--cull"),
         "background": values.background("white" if background == "none" and opaque else background),
         "outputs": values.names(outputs, _OUTPUTS, "--outputs"),
-        "exposure": exposure,
-        "threads": threads,
+        "exposure": values.number(exposure, "--exposure", "-64 to 64 stops", lambda stops: abs(stops) <= 64),
+        "threads": None if threads is None else values.whole(threads, "--threads", 1),
     }
+    crease = None if crease_angle is None else values.number(crease_angle, "--crease-angle", "degrees from 0 to 180", lambda a: 0 <= a <= 180)
     values.output(output, EXTENSIONS)
-    if ssaa > 1 and samples not in (None, 1):
-        raise InputError(f"--ssaa {ssaa}: it takes the place of --samples {samples}; give one of them")
-    if pattern == "grid" and samples not in (None, 4):
-        raise InputError(f"--pattern grid: expected --samples 4, got {samples}")
+    if shots > 1 and options["samples"] != 1:
+        raise InputError(f"--ssaa {shots}: it takes the place of --samples {samples}; give one of them")
+    if pattern == "grid" and options["samples"] != 4:
+        raise InputError(f"--pattern grid: expected --samples 4, got {samples or 1}")
     lost = set(options["outputs"]) - {"color"}
     if lost and output.suffix.lower() not in (".exr", ".npz"):
         raise InputError(f"--outputs: {output.suffix} holds color alone; {', '.join(sorted(lost))} goes to .exr or .npz")
-    _draw_file(Console(quiet, as_json), file, output, pixels, view, options, lightmap, crease_angle)
+    if "motion" in lost and previous is None and turntable is None:
+        raise InputError("--outputs motion: needs --previous, the camera before, or --turntable")
+    if previous is not None and "motion" not in lost:
+        raise InputError("--previous: needs --outputs motion")
+    _draw_file(Console(quiet, as_json), file, output, pixels, view, options, lightmap, crease)
 
 
 def _draw_file(
@@ -156,8 +167,6 @@ def _draw_file(
     from luxel import load
     from luxel.cli.drawing import with_lightmap
 
-    if crease_angle is not None and not 0 <= crease_angle <= 180:
-        raise InputError(f"--crease-angle: expected degrees from 0 to 180, got {crease_angle:g}")
     start = time.perf_counter()
     scene = load(file, crease_angle=None if crease_angle is None else radians(crease_angle))
     if not scene.triangle_count:
@@ -165,9 +174,10 @@ def _draw_file(
     if lightmap is not None:
         with_lightmap(scene, lightmap)
     cameras = view.cameras(scene, size)
+    before = view.cameras_before(cameras, scene, size)
     loaded = time.perf_counter()
     with console.work("drawing") as report:
-        written = _draw(scene, cameras, size, output, options, view.turntable is not None, report)
+        written = _draw(scene, cameras, before, size, output, options, view.turntable is not None, report)
     took = {"load": loaded - start, "draw": time.perf_counter() - loaded}
     data = {"output": [str(p) for p in written], "size": list(size), "triangles": scene.triangle_count, "seconds": took}
     what = str(written[0]) if len(written) == 1 else f"{written[0]} .. {written[-1].name}"
@@ -178,6 +188,7 @@ def _draw_file(
 def _draw(
     scene: Scene,
     cameras: list[Camera],
+    before: list[Camera | None],
     size: tuple[int, int],
     output: Path,
     options: dict[str, Any],
@@ -185,15 +196,16 @@ def _draw(
     report: Callable[[float], None],
 ) -> list[Path]:
     """Draw and write one picture a camera; the paths written."""
-    from luxel import render, render_views
+    from luxel import prepare, render
     from luxel.cli.drawing import STREAMED
 
     if numbered:
         digits = max(3, len(str(len(cameras) - 1)))
         paths = [output.with_stem(f"{output.stem}_{i:0{digits}}") for i in range(len(cameras))]
-        for i, picture in enumerate(render_views(scene, cameras, size, **options)):
-            picture.save(paths[i])
-            report((i + 1) / len(cameras))
+        prepared = prepare(scene, options.pop("shading"), options.pop("cull"))
+        for i, path in enumerate(paths):
+            render(prepared, cameras[i], size, previous_camera=before[i], **options).save(path)
+            report((i + 1) / len(paths))
         return paths
     if size[0] * size[1] > STREAMED and output.suffix.lower() == ".png" and options["outputs"] == ("color",):
         from luxel.raster.render import render_to_png
@@ -201,5 +213,9 @@ def _draw(
         del options["outputs"]
         render_to_png(output, scene, cameras[0], size, progress=report, **options)
     else:
-        render(scene, cameras[0], size, progress=report, **options).save(output)
+        try:
+            render(scene, cameras[0], size, previous_camera=before[0], progress=report, **options).save(output)
+        except MemoryError as error:
+            hint = "a smaller --size, or color alone in a .png, needs less"
+            raise InputError(f"--size {size[0]}x{size[1]}: not enough memory for {', '.join(options['outputs'])}; {hint}") from error
     return [output]

@@ -5,14 +5,16 @@ from __future__ import annotations
 import difflib
 import importlib.util
 import math
+import os
 import re
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import TypeVar
 
 from luxel.errors import ExtraMissingError, FileError, InputError
 
 T = TypeVar("T")
+LARGEST = 1 << 20  # pixels a side, as `luxel.render` has it
 
 
 def size(text: str) -> tuple[int, int]:
@@ -21,7 +23,29 @@ def size(text: str) -> tuple[int, int]:
     width, height = (int(found[1]), int(found[2] or found[1])) if found else (0, 0)
     if width < 1 or height < 1:
         raise InputError(f"--size: expected WIDTHxHEIGHT in pixels, such as 1280x720, got {text!r}")
+    if max(width, height) > LARGEST:
+        raise InputError(f"--size: expected at most {LARGEST} pixels a side, got {text!r}")
     return width, height
+
+
+def whole(text: str, option: str, low: int, high: int | None = None) -> int:
+    """ "4" to 4, if it lies in low .. high."""
+    value = int(text) if re.fullmatch(r"\s*[+-]?[0-9]{1,18}\s*", text) else None
+    if value is None or value < low or (high is not None and value > high):
+        reach = f"of at least {low}" if high is None else f"from {low} to {high}"
+        raise InputError(f"{option}: expected a whole number {reach}, got {text!r}")
+    return value
+
+
+def number(text: str | float, option: str, wanted: str, fits: Callable[[float], bool] = math.isfinite) -> float:
+    """ "2.5" to 2.5, if it is one that `fits`; `wanted` says in the error which do."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not (math.isfinite(value) and fits(value)):
+        raise InputError(f"{option}: expected {wanted}, got {text!r}")
+    return value
 
 
 def vector(text: str, option: str) -> tuple[float, float, float]:
@@ -35,7 +59,7 @@ def vector(text: str, option: str) -> tuple[float, float, float]:
     try:
         x, y, z = (float(word) for word in text.split(","))
     except ValueError:
-        raise InputError(f"{option}: expected three numbers such as 1,2,-3, got {text!r}") from None
+        raise InputError(f"{option}: expected three numbers such as 1,2,-3, or an axis such as z or -x, got {text!r}") from None
     if not all(map(math.isfinite, (x, y, z))):
         raise InputError(f"{option}: expected finite numbers, got {text!r}")
     return x, y, z
@@ -60,12 +84,12 @@ def background(text: str) -> tuple[float, float, float] | None:
     return red, green, blue
 
 
-def choice(value: T, allowed: Collection[T], option: str) -> T:
-    """`value`, if it is one of those allowed."""
-    if value not in allowed:
-        names = ", ".join(map(str, allowed))
-        raise InputError(f"{option}: expected one of {names}, got {value!r}{_nearest(str(value), map(str, allowed))}")
-    return value
+def choice(text: str, allowed: Collection[T], option: str) -> T:
+    """The one of those allowed (words, or numbers) that is spelled `text`."""
+    known = {str(value): value for value in allowed}
+    if text not in known:
+        raise InputError(f"{option}: expected one of {', '.join(known)}, got {text!r}{_nearest(text, known)}")
+    return known[text]
 
 
 def names(text: str, allowed: Collection[str], option: str) -> tuple[str, ...]:
@@ -78,15 +102,17 @@ def names(text: str, allowed: Collection[str], option: str) -> tuple[str, ...]:
 
 def output(path: Path, extensions: Collection[str], option: str = "--output") -> Path:
     """`path`, if a file of that kind can be put there: found out before hours of work, not after."""
+    if path.is_dir():
+        raise FileError(path, "cannot write: it is a folder")
     if path.suffix.lower() not in extensions:
         wanted = ", ".join(extensions)
         raise InputError(f"{option}: expected a file name that ends in one of {wanted}, got {str(path)!r}")
     if path.suffix.lower() == ".exr" and importlib.util.find_spec("OpenEXR") is None:
         raise ExtraMissingError("OpenEXR", "exr", f"writing {path}")
-    if path.is_dir():
-        raise FileError(path, "cannot write: it is a folder")
     if not path.parent.is_dir():
         raise FileError(path, f"cannot write: there is no folder {str(path.parent)!r}")
+    if not os.access(path.parent, os.W_OK):
+        raise FileError(path, f"cannot write: no permission to write into {str(path.parent)!r}")
     return path
 
 

@@ -82,6 +82,8 @@ def _load_file(path: Path) -> tuple[Scene, float]:
 def _module(modules: dict[str, str], path: Path) -> Any:
     name = modules.get(path.suffix[1:].lower())
     if name is None:
+        if path.is_dir():
+            raise FileError(path, "expected a file, and it is a folder")
         known = ", ".join(f".{extension}" for extension in modules)
         raise FileError(path, f"expected one of the extensions {known}, got {path.suffix or 'none'}")
     return import_module(f"luxel.io.{name}")

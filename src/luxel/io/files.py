@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import os
 import stat
 import sys
@@ -50,17 +51,28 @@ def open_plain(path: Path, where: object | None = None) -> IO[bytes]:
     """Open a file for reading; `where` stands for it in errors.
 
     Raises:
-        FileError: It is missing, unreadable or not a plain file (a pipe or a device would block, or never end).
+        FileError: It is missing, empty, unreadable or not a plain file (a pipe or a device would block, or never end).
     """
     what = "" if where is None else f" {path}"
     where = path if where is None else where
     try:
-        mode = path.stat().st_mode
-        if not stat.S_ISREG(mode):
-            raise FileError(where, f"cannot read{what}: it is {'a folder' if stat.S_ISDIR(mode) else 'not a plain file'}")
+        status = path.stat()
+        if not stat.S_ISREG(status.st_mode):
+            raise FileError(where, f"cannot read{what}: it is {'a folder' if stat.S_ISDIR(status.st_mode) else 'not a plain file'}")
+        if not status.st_size:
+            raise FileError(where, f"cannot read{what}: the file is empty")
         return path.open("rb")
     except (OSError, ValueError) as error:  # ValueError: a null byte in the name
-        raise FileError(where, f"cannot read{what}: {getattr(error, 'strerror', None) or error}") from error
+        near = _near(path) if isinstance(error, FileNotFoundError) else ""
+        raise FileError(where, f"cannot read{what}: {getattr(error, 'strerror', None) or error}{near}") from error
+
+
+def _near(path: Path) -> str:
+    """What the name may have been meant to be, of what is in the folder."""
+    with suppress(OSError):
+        found = difflib.get_close_matches(path.name, os.listdir(path.parent), 1)
+        return f"; did you mean {path.with_name(found[0])}?" if found else ""
+    return f"; there is no folder {str(path.parent)!r}"
 
 
 def read_bytes(path: Path, where: object | None = None) -> Array:

@@ -22,24 +22,28 @@ _LEVEL = 1  # level 6 saves a tenth of the size of a rendering and takes four ti
 
 
 class PngStream:
-    """Writes an 8-bit PNG from bands of rows, top to bottom, in bounded memory; the file appears whole, or not at all.
+    """Writes a PNG of 8 or 16 bits from bands of rows, top to bottom, in bounded memory; the file appears whole, or not at all.
 
     >>> with PngStream("large.png", 16384, 16384) as png:  # doctest: +SKIP
     ...     for rows in bands:
     ...         png.write(rows)
     """
 
-    def __init__(self, path: str | os.PathLike[str], width: int, height: int, channels: int = 4) -> None:
-        """`channels`: 1 grey, 2 grey and alpha, 3 RGB, 4 RGBA (alpha straight).
+    def __init__(self, path: str | os.PathLike[str], width: int, height: int, channels: int = 4, bits: int = 8) -> None:
+        """`channels`: 1 grey, 2 grey and alpha, 3 RGB, 4 RGBA (alpha straight); `bits`: 8 or 16 a channel.
 
         Raises:
-            InputError: A size or channel count that PNG cannot hold.
+            InputError: A size or channel count that PNG cannot hold, or another extension than .png.
         """
+        if os.path.splitext(os.fspath(path))[1].lower() != ".png":
+            raise InputError(f"PNG: expected a file name that ends in .png, got {os.fspath(path)!r}")
         if not (0 < width < 2**31 and 0 < height < 2**31 and channels in _COLOR_TYPES):
             raise InputError(f"PNG: expected width and height in 1..2^31-1 and 1..4 channels, got {width} x {height} x {channels}")
-        self.path, self.width, self.height, self.channels = path, width, height, channels
+        if bits not in (8, 16):
+            raise InputError(f"PNG: expected 8 or 16 bits, got {bits}")
+        self.path, self.width, self.height, self.channels, self.bits = path, width, height, channels, bits
         self.rows = 0
-        self._above = np.zeros((1, width * channels), np.uint8)
+        self._above = np.zeros((1, width * channels * bits // 8), np.uint8)
         self._adler = 1
         self._stack = ExitStack()
         self._file: IO[bytes] | None = None
@@ -50,13 +54,13 @@ class PngStream:
         # Pieces are deflated on their own, so on several cores; the order of the threads does not change the file.
         self._pool = self._stack.enter_context(ThreadPoolExecutor(min(os.cpu_count() or 1, 4)))
         self._file.write(b"\x89PNG\r\n\x1a\n")
-        self._chunk(b"IHDR", struct.pack(">IIBBBBB", self.width, self.height, 8, _COLOR_TYPES[self.channels], 0, 0, 0))
+        self._chunk(b"IHDR", struct.pack(">IIBBBBB", self.width, self.height, self.bits, _COLOR_TYPES[self.channels], 0, 0, 0))
         self._chunk(b"sRGB", b"\0")
         self._chunk(b"IDAT", b"\x78\x01")
         return self
 
     def write(self, rows: Array) -> None:
-        """Append rows (k, width, channels) uint8, or (k, width) for one channel.
+        """Append rows (k, width, channels) uint8 (uint16 where there are 16 bits), or (k, width) for one channel.
 
         Raises:
             InputError: They do not fit the picture, or are more than are left.
@@ -65,13 +69,16 @@ class PngStream:
         shape = (self.width, self.channels)
         if self._file is None:
             raise InputError("PngStream: write is for inside its with block")
-        if rows.dtype != np.uint8 or (rows.shape[1:] != shape and (rows.shape[1:] != shape[:1] or self.channels > 1)):
-            raise InputError(f"PNG rows: expected (k, {self.width}, {self.channels}) uint8, got {rows.shape} {rows.dtype}")
+        if rows.dtype != np.dtype(f"u{self.bits // 8}") or (rows.shape[1:] != shape and (rows.shape[1:] != shape[:1] or self.channels > 1)):
+            raise InputError(f"PNG rows: expected (k, {self.width}, {self.channels}) uint{self.bits}, got {rows.shape} {rows.dtype}")
         if self.rows + len(rows) > self.height:
             raise InputError(f"PNG rows: {self.rows} + {len(rows)} of {self.height}")
-        step = max(1, _BAND // (self.width * self.channels))
+        stride = self._above.shape[1]
+        step = max(1, _BAND // stride)
         for start in range(0, len(rows), step):
-            self._piece(rows[start : start + step].reshape(-1, self.width * self.channels))
+            piece = rows[start : start + step]
+            plain = piece if self.bits == 8 else piece.astype(">u2").view(np.uint8)  # big-endian, says PNG
+            self._piece(plain.reshape(-1, stride))
         self.rows += len(rows)
 
     def _piece(self, rows: Array) -> None:

@@ -77,10 +77,11 @@ def pack_materials(scene: Scene, shading: str | None = None, vertices: bool = Fa
             then takes the interpolated colour, times the base colour texture, as it is. Other textures play no part.
 
     Raises:
-        InputError: No such shading.
+        InputError: No such shading, or `Scene.check` refuses the scene.
     """
     if shading is not None and shading not in SHADINGS:
         raise InputError(f"shading: expected one of {', '.join(SHADINGS)}; got {shading!r}")
+    scene.check()
     materials = [*scene.materials, Material()]
     colored = {mesh.material % len(materials) for mesh in scene.meshes if mesh.colors is not None}
     floats = np.zeros((len(materials), FLOATS), np.float32)

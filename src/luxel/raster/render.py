@@ -22,7 +22,7 @@ from luxel.memory import reusable
 from luxel.raster import warm
 from luxel.raster.bin import BLEND, MASK, NO_CLIPPED, OPAQUE, Bins, bin_triangles
 from luxel.raster.clip import clip
-from luxel.raster.constants import MAX_SIZE, SUBPIXEL, sample_pattern
+from luxel.raster.constants import MAX_SIZE, SAMPLE_COUNTS, SUBPIXEL, sample_pattern
 from luxel.raster.cover import cover
 from luxel.raster.fragments import NEEDS_POSITION, Eye
 from luxel.raster.geometry import Geometry, flatten
@@ -71,6 +71,8 @@ class Options:
                 raise InputError(f"outputs: expected some of {', '.join(OUTPUTS)}; got {name!r}")
         if not self.outputs:
             raise InputError(f"outputs: expected some of {', '.join(OUTPUTS)}; got none")
+        if not isinstance(self.samples, (int, np.integer)) or self.samples not in SAMPLE_COUNTS:
+            raise InputError(f"samples: expected 1, 2, 4, 8 or 16, got {self.samples!r}")
         if self.filter not in tuple(FILTERS):
             raise InputError(f"filter: expected one of {', '.join(FILTERS)}; got {self.filter!r}")
         if not isinstance(self.tile, (int, np.integer)) or self.tile not in (8, 16, 32, 64, 128):
@@ -95,12 +97,12 @@ def _pattern(samples: int, pattern: str, ssaa: int) -> Array:
 
 
 def _background(value: Any) -> Array:
-    wanted = f"background: expected 3 or 4 finite linear numbers, got {value!r}"
+    wanted = f"background: expected linear RGB of at least 0, and alpha from 0 to 1 if any, got {value!r}"
     try:
         color = checked([0, 0, 0, 0] if value is None else value, ("n",), np.float32, "background")
     except InputError as error:
         raise InputError(wanted) from error
-    if len(color) not in (3, 4) or not np.isfinite(color).all():
+    if len(color) not in (3, 4) or not np.isfinite(color).all() or (color < 0).any() or (color[3:] > 1).any():
         raise InputError(wanted)
     alpha = color[3] if len(color) == 4 else 1.0
     return np.array([*(color[:3] * alpha), alpha], np.float32)

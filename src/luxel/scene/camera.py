@@ -8,6 +8,7 @@ import numpy as np
 
 from luxel.arrays import Array, checked
 from luxel.errors import InputError
+from luxel.scene.checks import number
 from luxel.scene.transforms import look_at
 
 
@@ -23,6 +24,9 @@ class Camera:
         far: Metres; what is farther is clipped; inf for no limit (perspective only).
         aspect: Width over height, or None for the picture's own.
         name: As in the file; may be empty.
+
+    Raises:
+        InputError: A value is no number or out of range, or the matrix cannot be inverted.
     """
 
     world_from_camera: Array | None = None
@@ -40,6 +44,10 @@ class Camera:
             raise InputError("world_from_camera: expected finite numbers")
         if not np.linalg.det(self.world_from_camera[:3, :3]):
             raise InputError("world_from_camera: expected a matrix that can be inverted")
+        if self.far != np.inf:
+            number(self.far, "far")
+        for name in ("near", "height", *(name for name in ("yfov", "aspect") if getattr(self, name) is not None)):
+            number(getattr(self, name), name)
         if self.yfov is not None and not 0 < self.yfov < np.pi:
             raise InputError(f"yfov: expected radians between 0 and pi, got {self.yfov}")
         if self.yfov is None and not (0 < self.height < np.inf and np.isfinite(self.near) and np.isfinite(self.far)):
@@ -52,7 +60,11 @@ class Camera:
 
     @classmethod
     def look_at(cls, eye: object, target: object, up: object = (0.0, 1.0, 0.0), **rest: object) -> Camera:
-        """A camera at `eye` that looks at `target`, both (3,) in metres; `rest` as in the constructor."""
+        """A camera at `eye` that looks at `target`, both (3,) in metres, with y as near `up` as may be; `rest` as in the constructor.
+
+        Raises:
+            InputError: `eye` and `target` are one place, `up` is zero, or as of the constructor.
+        """
         return cls(look_at(eye, target, up), **rest)  # type: ignore[arg-type]
 
     @property

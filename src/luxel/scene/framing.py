@@ -9,6 +9,7 @@ import numpy as np
 from luxel.arrays import Array, checked
 from luxel.errors import InputError
 from luxel.scene.camera import Camera
+from luxel.scene.checks import number, numbers
 from luxel.scene.scene import Scene
 from luxel.scene.transforms import rotation, translation
 
@@ -53,7 +54,7 @@ def frame(
         margin: Part of the picture left free on each side, 0 <= margin < 1.
 
     Raises:
-        InputError: An angle, the distance or the size is out of range.
+        InputError: It is no Scene, or an angle, the distance, the size, the margin or a length is no number or out of range.
     """
     _check(scene, azimuth, elevation, distance, size, margin)
     turn = _upright(up) @ rotation((0, 1, 0), azimuth) @ rotation((1, 0, 0), -elevation)
@@ -83,9 +84,12 @@ def turntable(
 
     All keep one height and one distance from the upright axis through the middle of the bounds, at which whatever the
     scene sweeps while it turns is in the picture: it neither jumps nor swells from one to the next.
+
+    Raises:
+        InputError: As of `frame`, or the count is no whole number of at least 1.
     """
-    if count < 1:
-        raise InputError(f"turntable: expected at least 1 view, got {count}")
+    if not isinstance(count, (int, np.integer)) or count < 1:
+        raise InputError(f"turntable: expected a whole number of views, at least 1, got {count!r}")
     _check(scene, azimuth, elevation, distance, size, margin)
     stand = _upright(up)
     middle = scene.bounds().mean(0) @ stand[:3, :3]
@@ -102,12 +106,16 @@ def turntable(
 def _check(scene: Scene, azimuth: float, elevation: float, distance: float | None, size: tuple[int, int], margin: float) -> None:
     if not isinstance(scene, Scene):
         raise InputError(f"scene: expected a Scene, as luxel.load gives, got {type(scene).__name__}")
-    if not (np.isfinite(azimuth) and abs(elevation) <= np.pi / 2 + 1e-9):
-        raise InputError(f"expected a finite azimuth and an elevation of -pi/2 .. pi/2, got {azimuth}, {elevation}")
-    if distance is not None and not (np.isfinite(distance) and distance > 0):
-        raise InputError(f"distance: expected metres > 0, got {distance}")
+    number(azimuth, "azimuth")
+    number(elevation, "elevation")
+    if not abs(elevation) <= np.pi / 2 + 1e-9:
+        raise InputError(f"elevation: expected radians of -pi/2 .. pi/2, got {elevation}")
+    if distance is not None:
+        number(distance, "distance", above=0)
+    numbers(size, 2, "size")
     if min(size) < 1:
         raise InputError(f"size: expected width and height of at least 1, got {size}")
+    number(margin, "margin")
     if not 0 <= margin < 1:
         raise InputError(f"margin: expected 0 <= margin < 1, got {margin}")
 

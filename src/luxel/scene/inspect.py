@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 
 from luxel.arrays import Array
+from luxel.errors import InputError
+from luxel.scene.coincidence import coincident, mixed
 from luxel.scene.mesh import Mesh
 from luxel.scene.scene import Scene
 
@@ -92,8 +94,10 @@ def inspect(scene: Scene) -> Report:
     """Count and check a scene; a few seconds for millions of triangles.
 
     Raises:
-        InputError: An index names a mesh, material or texture that is not there.
+        InputError: It is no Scene, or one that `Scene.check` refuses.
     """
+    if not isinstance(scene, Scene):
+        raise InputError(f"scene: expected a Scene, as luxel.load gives, got {type(scene).__name__}")
     scene.check()
     used = np.bincount([i.mesh for i in scene.instances], minlength=len(scene.meshes))
     meshes, oddities = [], []
@@ -203,6 +207,10 @@ def _check_scene(scene: Scene, used: Array, bounds: Array) -> list[Oddity]:
         determinant = np.linalg.det(instance.world_from_mesh[:3, :3])
         say("flattening transform", determinant == 0, "the node's matrix has no volume", where)
         say("mirroring transform", determinant < 0, "the node turns the winding around", where)
+    for group in coincident(scene, far):
+        names = [scene.instances[i].name or f"instance {i}" for i in group]
+        where = f"{', '.join(names[:2])}{f' and {len(names) - 2} more' if len(names) > 2 else ''}"
+        say("coincident objects", len(group) - 1, "the same triangles at the same place as another's", where)
     say("meshes never placed", (used == 0).sum(), "no instance shows them")
     shown = {mesh.material for mesh in scene.meshes}
     say("unused materials", len(scene.materials) - len(shown - {-1}), "no mesh has them")
@@ -279,22 +287,10 @@ def _facing(mesh: Mesh, corners: Array) -> tuple[Array, Array]:
     return facing, flat
 
 
-def _mixed(columns: list[Array]) -> Array:
-    """One 64-bit number a row: rows that are equal give equal numbers, others nearly never (the caller looks)."""
-    key = np.zeros(len(columns[0]), np.uint64)
-    for column in columns:
-        key ^= column
-        key *= np.uint64(0x9E3779B97F4A7C15)
-        key ^= key >> np.uint64(29)
-        key *= np.uint64(0xBF58476D1CE4E5B9)
-        key ^= key >> np.uint64(32)
-    return key
-
-
 def _same_rows(arrays: list[Array]) -> Array:
     """For each row over all float32 arrays, the index of one row that is equal to it: its representative."""
     columns = [(a[:, k] + np.float32(0)).view(np.uint32).astype(np.uint64) for a in arrays for k in range(a.shape[1])]
-    key = _mixed(columns)
+    key = mixed(columns)
     order = np.argsort(key)
     starts = np.ones(len(key), bool)
     starts[1:] = key[order][1:] != key[order][:-1]
@@ -309,7 +305,7 @@ def _same_rows(arrays: list[Array]) -> Array:
 def _duplicates(corners: Array) -> int:
     """Triangles that have the same corners as another one, in any order; the first of each is not counted."""
     ordered = np.sort(corners, 1)
-    order = np.argsort(_mixed([ordered[:, k].astype(np.uint64) for k in range(3)]))
+    order = np.argsort(mixed([ordered[:, k].astype(np.uint64) for k in range(3)]))
     return int((ordered[order][1:] == ordered[order][:-1]).all(1).sum())
 
 

@@ -24,6 +24,9 @@ class Light:
         range: Metres beyond which a point or spot light gives nothing; inf for none.
         inner_cone, outer_cone: Radians from the axis, of a spot.
         name: As in the file; may be empty.
+
+    Raises:
+        InputError: No such kind, or the matrix is not (4, 4).
     """
 
     kind: Literal["point", "spot", "directional"] = "directional"

@@ -26,6 +26,9 @@ class Texture:
         wrap: How coordinates outside 0..1 are taken, along u and along v.
         filter: Sampling; "trilinear" makes and uses mipmaps.
         name: As in the file; may be empty.
+
+    Raises:
+        InputError: The image has another shape, or no numbers.
     """
 
     image: Array

@@ -55,7 +55,7 @@ class Mesh:
                 setattr(self, name, checked(value, (n, width), np.float32, name))
 
     def bounds(self) -> Array:
-        """(2, 3) float64: the least and the largest coordinate of the vertices; zeros for a mesh with none."""
+        """(2, 3) float64: the least and the largest coordinate of the vertices, metres; zeros for a mesh with none."""
         if not len(self.positions):
             return np.zeros((2, 3))
         return np.stack([self.positions.min(0), self.positions.max(0)]).astype(np.float64)

@@ -47,8 +47,8 @@ def with_normals(mesh: Mesh, crease_angle: float | None = CREASE_ANGLE) -> Mesh:
         crease_angle: Radians. Where faces around a vertex turn by more than this, the vertex is duplicated, with a normal for each
             side; None or pi smooths everything and duplicates nothing, 0 gives flat faces.
     """
-    if crease_angle is not None and not 0 <= crease_angle <= np.pi + 1e-6:
-        raise InputError(f"crease_angle: expected radians in 0..pi, got {crease_angle}")
+    if crease_angle is not None and not (isinstance(crease_angle, (int, float, np.number)) and 0 <= crease_angle <= np.pi + 1e-6):
+        raise InputError(f"crease_angle: expected radians in 0..pi, got {crease_angle!r}")
     with np.errstate(all="ignore"):
         same = weld(mesh.positions)
         sums = _smooth(mesh.positions, mesh.triangles, same)

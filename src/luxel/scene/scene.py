@@ -8,6 +8,7 @@ import numpy as np
 
 from luxel.arrays import Array, checked
 from luxel.errors import InputError
+from luxel.scene import checks
 from luxel.scene.camera import Camera
 from luxel.scene.light import Ambient, Light
 from luxel.scene.material import Material, Texture
@@ -59,7 +60,13 @@ class Scene:
         return scene
 
     def add(self, mesh: Mesh, material: Material | None = None, world_from_mesh: Array | None = None, name: str = "") -> Instance:
-        """Append `mesh` as an object of its own and return its instance; `material` (if given) becomes the mesh's."""
+        """Append `mesh` as an object of its own and return its instance; `material` (if given) becomes the mesh's.
+
+        Raises:
+            InputError: `mesh` is no Mesh, `material` no Material, or the matrix not (4, 4).
+        """
+        checks.kind([mesh], Mesh, "mesh")
+        checks.kind([] if material is None else [material], Material, "material")
         if material is not None:
             found = [i for i, known in enumerate(self.materials) if known is material]
             if not found:
@@ -90,14 +97,23 @@ class Scene:
         return np.stack([points.min(0), points.max(0)])
 
     def check(self) -> None:
-        """Raise InputError where an index names a mesh, material or texture that is not there."""
+        """Look whether the scene can be drawn.
+
+        Raises:
+            InputError: An index names a mesh, material or texture that is not there, or a material, texture, light or matrix has a
+                value that cannot be drawn with; the message says which.
+        """
+        checks.kind(self.meshes, Mesh, "mesh")
+        checks.kind(self.instances, Instance, "instance")
         for i, instance in enumerate(self.instances):
-            if not 0 <= instance.mesh < len(self.meshes):
-                raise InputError(f"instance {i}: mesh {instance.mesh} of {len(self.meshes)}")
+            if not isinstance(instance.mesh, (int, np.integer)) or not 0 <= instance.mesh < len(self.meshes):
+                raise InputError(f"instance {i}: mesh {instance.mesh!r} of {len(self.meshes)}")
+        matrices = np.array([instance.world_from_mesh for instance in self.instances]).reshape(-1, 16)
+        finite = np.isfinite(matrices).all(1)
+        if not finite.all():
+            raise InputError(f"instance {finite.argmin()}, world_from_mesh: expected finite numbers")
         for i, mesh in enumerate(self.meshes):
-            if not -1 <= mesh.material < len(self.materials):
-                raise InputError(f"mesh {i}: material {mesh.material} of {len(self.materials)}")
-        for i, material in enumerate(self.materials):
-            for name, ref in vars(material).items():
-                if name.endswith("_texture") and ref is not None and not 0 <= ref.texture < len(self.textures):
-                    raise InputError(f"material {i}, {name}: texture {ref.texture} of {len(self.textures)}")
+            if not isinstance(mesh.material, (int, np.integer)) or not -1 <= mesh.material < len(self.materials):
+                raise InputError(f"mesh {i}: material {mesh.material!r} of {len(self.materials)}")
+        checks.check_materials(self.materials, self.textures)
+        checks.check_lights(self.lights, self.ambient)

@@ -1,0 +1,171 @@
+"""The ranks that work together. The only importer of mpi4py.
+
+    from luxel.cluster.comm import world
+    comm = world()
+    with comm.guard():
+        ...
+
+MPI is started only where a launcher (mpiexec, srun) started this process; everywhere else there is one rank, and mpi4py need not be there.
+Arrays travel as they are, without pickling. An exception on one rank, inside of `guard` or uncaught, ends all ranks with its message: the
+others would wait for it for ever.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import traceback
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from luxel.arrays import Array
+from luxel.errors import ExtraMissingError, LuxelError
+
+_LAUNCHERS = ("PMI_RANK", "PMIX_RANK", "PMI_ID", "OMPI_COMM_WORLD_RANK", "MPI_LOCALRANKID", "MV2_COMM_WORLD_RANK")
+_FAILED = 2
+
+
+class Comm:
+    """One rank alone; what `world` gives without MPI, and what the ranks of MPI offer as well.
+
+    Attributes:
+        rank: Of this process, from 0.
+        size: Number of ranks.
+    """
+
+    rank, size = 0, 1
+
+    def share(self, value: Any) -> Any:
+        """Rank 0's value on every rank (by pickle: for what is small)."""
+        return value
+
+    def share_array(self, array: Array | None) -> Array:
+        """Rank 0's array on every rank."""
+        assert array is not None
+        return array
+
+    def deal(self, arrays: Sequence[Array] | None) -> Array:
+        """Rank 0 has an array for each rank; each gets its own."""
+        assert arrays is not None
+        return arrays[0]
+
+    def collect(self, array: Array) -> list[Array] | None:
+        """Every rank's array, in order, on rank 0; None elsewhere."""
+        return [array]
+
+    def exchange(self, arrays: Sequence[Array]) -> list[Array]:
+        """All to all: array k of rank r becomes array r of rank k. They share one dtype."""
+        return list(arrays)
+
+    def share_out(self, count: int) -> list[tuple[int, int]]:
+        """(first, last + 1) of each rank, when `count` rows are shared evenly; some get none where there are more ranks than rows."""
+        return [(count * rank // self.size, count * (rank + 1) // self.size) for rank in range(self.size)]
+
+    @contextmanager
+    def guard(self) -> Iterator[None]:
+        """Around work in which ranks wait for each other: an exception inside ends them all."""
+        yield
+
+
+class _Ranks(Comm):
+    """The ranks of MPI."""
+
+    def __init__(self, mpi: Any) -> None:
+        self._mpi, self._comm = mpi, mpi.COMM_WORLD
+        self.rank, self.size = self._comm.Get_rank(), self._comm.Get_size()
+
+    def share(self, value: Any) -> Any:
+        return self._comm.bcast(value)
+
+    def share_array(self, array: Array | None) -> Array:
+        shape, dtype = self.share((array.shape, array.dtype) if array is not None else None)
+        out = np.ascontiguousarray(array) if array is not None else np.empty(shape, dtype)
+        if out.size:
+            self._comm.Bcast(_bytes(out))
+        return out
+
+    def deal(self, arrays: Sequence[Array] | None) -> Array:
+        if arrays is not None:
+            for rank in range(1, self.size):
+                self._send(arrays[rank], rank)
+            return arrays[0]
+        return self._receive(0)
+
+    def collect(self, array: Array) -> list[Array] | None:
+        if self.rank:
+            self._send(array, 0)
+            return None
+        return [array, *(self._receive(rank) for rank in range(1, self.size))]
+
+    def _send(self, array: Array, rank: int) -> None:
+        self._comm.send((array.shape, array.dtype), rank)
+        if array.size:
+            self._comm.Send(_bytes(np.ascontiguousarray(array)), rank)
+
+    def _receive(self, rank: int) -> Array:
+        shape, dtype = self._comm.recv(source=rank)
+        out = np.empty(shape, dtype)
+        if out.size:
+            self._comm.Recv(_bytes(out), rank)
+        return out
+
+    def exchange(self, arrays: Sequence[Array]) -> list[Array]:
+        shapes = self._comm.alltoall([array.shape for array in arrays])
+        dtype = arrays[0].dtype
+        sent = np.concatenate([np.ascontiguousarray(array).reshape(-1) for array in arrays])
+        counts = [array.nbytes for array in arrays]
+        sizes = [int(np.prod(shape)) for shape in shapes]
+        got = np.empty(sum(sizes), dtype)
+        self._comm.Alltoallv([sent.view(np.uint8), counts], [got.view(np.uint8), [size * dtype.itemsize for size in sizes]])
+        ends = np.cumsum(sizes)
+        return [got[end - size : end].reshape(shape) for end, size, shape in zip(ends, sizes, shapes, strict=True)]
+
+    @contextmanager
+    def guard(self) -> Iterator[None]:
+        try:
+            yield
+        except BaseException as error:
+            if self.size > 1:
+                self.end(error)
+            raise
+
+    def end(self, error: BaseException) -> None:
+        """Say what went wrong, and stop every rank."""
+        if isinstance(error, LuxelError):
+            print(f"luxel: rank {self.rank} of {self.size}: {error}", file=sys.stderr, flush=True)  # noqa: T201
+        elif not isinstance(error, KeyboardInterrupt):
+            text = "".join(traceback.format_exception(error))
+            print(f"luxel: rank {self.rank} of {self.size}:\n{text}", file=sys.stderr, flush=True)  # noqa: T201
+        self._comm.Abort(_FAILED)
+
+
+def _bytes(array: Array) -> Array:
+    return array.reshape(-1).view(np.uint8)
+
+
+def launched() -> bool:
+    """Whether a launcher of MPI started this process."""
+    return any(name in os.environ for name in _LAUNCHERS)
+
+
+@cache
+def world() -> Comm:
+    """The ranks that this process is one of.
+
+    Raises:
+        ExtraMissingError: A launcher started several processes, and mpi4py is not installed: each would do all of the work.
+    """
+    if not launched():
+        return Comm()
+    try:
+        from mpi4py import MPI
+    except ImportError as error:
+        raise ExtraMissingError("mpi4py", "mpi", "running under an MPI launcher") from error
+    ranks = _Ranks(MPI)
+    if ranks.size > 1:
+        sys.excepthook = lambda kind, error, trace: ranks.end(error)
+    return ranks

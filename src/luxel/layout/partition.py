@@ -1,0 +1,153 @@
+"""Large meshes in parts: grown regions of neighbours, ordered by threads side by side.
+
+A region grows breadth-first over shared vertices until it has its share of the triangles; the next starts at the border of those before. What a part
+costs alone is a second load of the vertices on its border, about the root of its size; a cold cache costs a dozen. The parts depend on the mesh
+only, so the order is the same for any number of threads.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from luxel import jit
+from luxel.arrays import Array
+from luxel.layout.adjacency import Adjacency, adjacency
+
+PART = 1 << 17
+"""Most triangles of a part."""
+
+
+@jit.part
+def _seed(region, start, rows, placed, border, ends, cursor):
+    """A vertex with triangles that are in no part yet: the one that has waited longest at some border, else the next of the input."""
+    while ends[0] < ends[1]:
+        v = border[ends[0]]
+        ends[0] += 1
+        for i in range(start[v], start[v + 1]):
+            if not placed[rows[i]]:
+                return np.int64(v)
+    v = cursor[0]
+    while True:
+        for i in range(start[v], start[v + 1]):
+            if not placed[rows[i]]:
+                cursor[0] = v
+                return v
+        v += 1
+
+
+@jit.kernel
+def _regions(faces, start, rows, size, queue, border, seen, placed, members):
+    """Write the triangles region after region into `members`; `queue` and `border` (n,) are scratch, `seen` (n,) and `placed` (m,) hold 0."""
+    m = len(faces)
+    ends, cursor = np.zeros(2, np.int64), np.zeros(1, np.int64)
+    done, region = 0, 0
+    while done < m:
+        region += 1
+        end = min(m, region * size)
+        first, last = 0, 0
+        while done < end:
+            if first == last:
+                v = _seed(region, start, rows, placed, border, ends, cursor)
+                if last == len(queue):
+                    first = last = 0
+                seen[v] = region
+                queue[last] = v
+                last += 1
+            v = np.int64(queue[first])
+            first += 1
+            for i in range(start[v], start[v + 1]):
+                t = rows[i]
+                if placed[t]:
+                    continue
+                placed[t] = True
+                members[done] = t
+                done += 1
+                for corner in range(3):
+                    u = faces[t, corner]
+                    if seen[u] != region:
+                        seen[u] = region
+                        queue[last] = u
+                        last += 1
+                if done == end:
+                    first -= 1  # the rest of its triangles wait with it
+                    break
+        if ends[0] == ends[1]:
+            ends[0] = ends[1] = 0
+        for i in range(first, last):
+            if ends[1] < len(border):
+                border[ends[1]] = queue[i]
+                ends[1] += 1
+    return region
+
+
+@jit.kernel
+def _compact(faces, members, number, inside, vertices):
+    """Write the faces of a part with its own vertex numbers into `inside`; `number` (n,) holds -1, and again at the end. Return their count."""
+    count = 0
+    for i in range(len(members)):
+        for corner in range(3):
+            v = faces[members[i], corner]
+            if number[v] < 0:
+                number[v] = count
+                vertices[count] = v
+                count += 1
+            inside[i, corner] = number[v]
+    for i in range(count):
+        number[vertices[i]] = -1
+    return count
+
+
+def part_size(count: int, most: int = PART) -> int:
+    """Triangles of a part of `count`: at most `most`, and an even number of parts, which two threads share evenly."""
+    return count if count <= most else -(-count // (2 * -(-count // (2 * most))))
+
+
+def regions(faces: Array, rows: Adjacency, size: int) -> Array:
+    """(m,) int32: the triangles, region after region of `size` each (the last may be smaller)."""
+    n, m = len(rows.start) - 1, len(faces)
+    members = np.empty(m, np.int32)
+    _regions(faces, *rows, size, np.empty(n, np.int32), np.empty(n, np.int32), np.zeros(n, np.int32), np.zeros(m, np.bool_), members)
+    return members
+
+
+def in_parts(faces: Array, rows: Adjacency, size: int, threads: int, work: Callable[[Array, Adjacency], Array],
+             progress: Callable[[int, int], None] | None = None) -> Array:  # fmt: skip
+    """(m,) int32: the order that `work(faces, rows)` gives each part of `size` triangles, part after part.
+
+    Args:
+        faces: (m, 3) int32.
+        rows: Their adjacency.
+        size: Triangles of a part; no more than one part is made if it holds them all.
+        threads: Parts are ordered by that many threads.
+        work: Takes a part's triangles with vertices of their own and their adjacency, and returns the order of the triangles.
+        progress: Called with the triangles done and their number after each part, one call at a time.
+    """
+    m = len(faces)
+    if m <= size:
+        return work(faces, rows)
+    members, source = regions(faces, rows, size), np.empty(m, np.int32)
+    parts = -(-m // size)
+    lock, done, todo = threading.Lock(), [0], iter(range(parts))
+
+    def worker(_queue: Any) -> None:
+        number = np.full(len(rows.start) - 1, -1, np.int32)
+        while True:
+            with lock:
+                k = next(todo, None)
+            if k is None:
+                return
+            mine = members[k * size : (k + 1) * size]
+            inside = np.empty((len(mine), 3), np.int32)
+            count = int(_compact(faces, mine, number, inside, np.empty(3 * len(mine), np.int32)))
+            source[k * size : k * size + len(mine)] = mine[work(inside, adjacency(inside, count))]
+            with lock:
+                done[0] += len(mine)
+                if progress:
+                    progress(done[0], m)
+
+    jit.run(worker, min(threads, parts))
+    return source

@@ -1,0 +1,213 @@
+"""`order`: the triangles of a mesh in an order that a cache of transformed vertices likes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from luxel import jit
+from luxel.arrays import Array
+from luxel.errors import InputError
+from luxel.layout import batch
+from luxel.layout.adjacency import Adjacency, adjacency
+from luxel.layout.cache import POLICIES, misses
+from luxel.layout.checks import checked_cache, checked_triangles, checked_weights, positive, whole
+from luxel.layout.forsyth import forsyth
+from luxel.layout.greedy import cost_table, greedy
+from luxel.layout.lookahead import DEPTH, SEARCH_WEIGHTS, WIDTH, look_ahead, risk_table
+from luxel.layout.partition import in_parts, part_size
+from luxel.layout.simple import morton, shuffled
+from luxel.layout.tipsify import tipsify
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One order that was tried: its name, its misses per triangle on the target, and the seconds it took."""
+
+    order: str
+    acmr: float
+    seconds: float
+
+
+@dataclass(frozen=True, eq=False)
+class Ordered:
+    """The triangles of a mesh in a new order.
+
+    Attributes:
+        triangles: (m, 3) int32, in the new order. Each keeps its winding; its first corner may be another.
+        source: (m,) int32: triangle i was triangle `source[i]` of the input.
+        order: Name of the order that won.
+        acmr: Misses per triangle on the target: the FIFO, LRU or GPU model asked for.
+        trials: What was tried, in turn.
+    """
+
+    triangles: Array
+    source: Array
+    order: str
+    acmr: float
+    trials: tuple[Trial, ...]
+
+
+@jit.kernel
+def _gather(faces, source, cache, stamp, triangles):
+    """The triangles in the order of `source`, turned so that what a FIFO holds is looked up before what it must load."""
+    pushed = 0
+    for i in range(len(source)):
+        t = source[i]
+        a, b, c = faces[t, 0], faces[t, 1], faces[t, 2]
+        in_a, in_b, in_c = pushed - stamp[a] < cache, pushed - stamp[b] < cache, pushed - stamp[c] < cache
+        if (in_b and not in_a) or (in_b and in_c and not in_a):
+            a, b, c, in_a, in_b, in_c = b, c, a, in_b, in_c, in_a
+        elif in_c and not (in_a and in_b):
+            a, b, c, in_a, in_b, in_c = c, a, b, in_c, in_a, in_b
+        triangles[i, 0], triangles[i, 1], triangles[i, 2] = a, b, c
+        for corner in range(3):
+            v = triangles[i, corner]
+            if pushed - stamp[v] >= cache:
+                pushed += 1
+                stamp[v] = pushed
+    return pushed
+
+
+@dataclass
+class _Job:
+    """A mesh, what to order it for, and what the orders share."""
+
+    faces: Array
+    vertices: int
+    positions: object
+    cache: int
+    policy: str
+    model: batch.Model | None
+    weights: tuple[float, ...] | None = None
+    width: int = WIDTH
+    depth: int = DEPTH
+    threads: int = 1
+    progress: Callable[[int, int], None] | None = None
+    _rows: Adjacency | None = None
+
+    @property
+    def modelled(self) -> int:
+        """The FIFO that the orders are made for: larger ones gain nothing by a search of all they hold."""
+        return min(self.cache, LARGEST_CACHE)
+
+    @property
+    def rows(self) -> Adjacency:
+        if self._rows is None:
+            self._rows = adjacency(self.faces, self.vertices)
+        return self._rows
+
+    def score(self, triangles: Array) -> float:
+        """Misses per triangle on the target."""
+        missed = batch.misses(triangles, self.model, self.vertices) if self.model else misses(triangles, self.cache, self.policy, self.vertices)
+        return int(missed.sum(dtype=np.int64)) / len(triangles)
+
+    def gather(self, source: Array) -> Array:
+        triangles = np.empty_like(self.faces)
+        cache = min(self.cache, len(self.faces) * 3 + 3)  # nothing leaves so large a cache
+        _gather(self.faces, source, cache, np.full(self.vertices, -cache, np.int32), triangles)
+        return triangles
+
+
+    def in_parts(self, work: Callable[[Array, Adjacency], Array]) -> Array:
+        return in_parts(self.faces, self.rows, part_size(len(self.faces)), self.threads, work, self.progress)
+
+
+def _greedy(job: _Job, name: str) -> Array:
+    costs = cost_table(name, job.weights, job.modelled)
+    return job.in_parts(lambda faces, rows: greedy(faces, rows, job.modelled, costs))
+
+
+def _look_ahead(job: _Job) -> Array:
+    costs, risk = cost_table("lin-yu", SEARCH_WEIGHTS, job.modelled), risk_table(job.modelled)
+    return job.in_parts(lambda faces, rows: look_ahead(faces, rows, job.modelled, job.width, job.depth, costs, risk))
+
+
+_MADE: dict[str, Callable[[_Job], Array]] = {
+    "file": lambda job: np.arange(len(job.faces), dtype=np.int32),
+    "random": lambda job: shuffled(len(job.faces)),
+    "morton": lambda job: morton(job.faces, job.positions, job.vertices),
+    "tipsify": lambda job: tipsify(job.faces, job.rows, min(job.cache, 3 * len(job.faces) + 3)),
+    "forsyth": lambda job: forsyth(job.faces, job.rows),
+    "lin-yu": lambda job: _greedy(job, "lin-yu"),
+    "greedy-2016": lambda job: _greedy(job, "greedy-2016"),
+    "look-ahead": _look_ahead,
+}
+ORDERS = (*_MADE, "auto")
+LARGEST_CACHE = 128
+MOST_WIDTH = 64
+PER_WIDTH = 2.5
+"""Look-ahead takes about that many times as long as one greedy pass, for each order it keeps."""
+
+
+def order(triangles: object, vertex_count: int | None = None, order: str = "auto", cache: int = 12, policy: str = "fifo",
+          profile: str | batch.Model | None = None, positions: object = None, weights: Sequence[float] | None = None, width: int | None = None,
+          depth: int | None = None, threads: int | None = None, seconds: float | None = None,
+          progress: Callable[[int, int], None] | None = None) -> Ordered:  # fmt: skip
+    """Reorder the triangles of a mesh for the cache of transformed vertices.
+
+    Args:
+        triangles: (m, 3) int32 vertex indices.
+        vertex_count: Vertices of the mesh; None: one more than the largest index.
+        order: One of `ORDERS`: "file" (as it is), "random", "morton", "tipsify", "forsyth", "lin-yu", "greedy-2016", "look-ahead" (see
+            their modules), or "auto": the best of the input, one greedy pass and look-ahead on the target, found by simulating it.
+        cache: Vertices the cache holds, at least 3.
+        policy: "fifo" or "lru".
+        profile: Order for a GPU instead of `cache` and `policy`: "nvidia", "amd", "intel", "mobile", or a `batch.Model`.
+        positions: (n, 3), needed by "morton".
+        weights: k1, k2, k3 and, if there is a fourth, `gone` of "lin-yu" and "greedy-2016" (see `luxel.layout.greedy`).
+        width: Orders that look-ahead keeps side by side: 4 unless told; 1 is fast, 64 is the best.
+        depth: Look-ahead settles on one beginning at the latest after that many fans: 64 unless told.
+        threads: Threads that order the parts of a mesh of more than 131072 triangles; None: all cores. The order does not depend on it.
+        seconds: About how long "auto" may take on this machine: it widens look-ahead as far as the time of the greedy pass lets it hope. None:
+            it takes `width`; a core does about 0.5 million triangles a second at 4.
+        progress: Called with the triangles done and their number, after each part of a large mesh.
+
+    Returns:
+        A permutation: every triangle once, in its winding.
+
+    Raises:
+        InputError: An index is out of range, there are no triangles or 2^31 indices, the cache holds fewer than 3, positions are missing or not
+            finite where they are needed, or a name or number is not one that is expected.
+    """
+    faces, n = checked_triangles(triangles, vertex_count, empty=False)
+    if order not in ORDERS:
+        raise InputError(f"order: expected one of {', '.join(ORDERS)}, got {order!r}")
+    if policy not in POLICIES:
+        raise InputError(f"policy: expected one of {', '.join(POLICIES)}, got {policy!r}")
+    model = None if profile is None else batch.model_of(profile)
+    job = _Job(
+        faces, n, positions, checked_cache(model.cache if model else cache), policy, model, checked_weights(weights),
+        whole(width, "width", 1) if width is not None else WIDTH, whole(depth, "depth", 1) if depth is not None else DEPTH,
+        jit.checked_threads(threads), progress,
+    )  # fmt: skip
+    if order == "auto":
+        return _auto(job, None if seconds is None else positive(seconds, "seconds"))
+    return _best([_try(job, order)])
+
+
+def _try(job: _Job, name: str) -> tuple[Trial, Array, Array]:
+    began = time.perf_counter()
+    source = _MADE[name](job)
+    drawn = job.faces if name == "file" else job.gather(source)
+    return Trial(name, job.score(drawn), time.perf_counter() - began), drawn, source
+
+
+def _auto(job: _Job, seconds: float | None) -> Ordered:
+    began = time.perf_counter()
+    tried = [_try(job, "file"), _try(job, "lin-yu")]
+    if seconds is not None:
+        left = seconds - (time.perf_counter() - began)
+        job.width = int(min(MOST_WIDTH, left / (PER_WIDTH * max(tried[1][0].seconds, 1e-6))))
+    if job.width > 0:
+        tried.append(_try(job, "look-ahead"))
+    return _best(tried)
+
+
+def _best(tried: list[tuple[Trial, Array, Array]]) -> Ordered:
+    """The first of those with the fewest misses."""
+    trial, triangles, source = min(tried, key=lambda one: one[0].acmr)
+    return Ordered(triangles, source, trial.order, trial.acmr, tuple(one[0] for one in tried))

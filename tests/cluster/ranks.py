@@ -1,0 +1,91 @@
+"""Run by the tests under mpiexec: each function is called on every rank, and checks itself on rank 0 against one rank."""
+
+import sys
+import time
+
+import numpy as np
+
+from luxel.cluster import fft
+from luxel.cluster.comm import Comm, world
+from luxel.errors import InputError
+from luxel.filter.borders import BORDERS
+from luxel.filter.lowpass import apply, make_filter
+
+SHAPES = [(1, 1), (2, 3), (3, 1), (7, 5), (16, 16), (30, 31), (64, 48)]
+
+
+def messages(comm: Comm) -> None:
+    assert comm.share({"a": 1} if comm.rank == 0 else None) == {"a": 1}
+    for array in (np.arange(12.0).reshape(3, 4).T, np.zeros((0, 3), np.uint8)):
+        assert np.array_equal(comm.share_array(array if comm.rank == 0 else None), array)
+    own = comm.deal([np.full((k, 2), k) for k in range(comm.size)] if comm.rank == 0 else None)
+    assert np.array_equal(own, np.full((comm.rank, 2), comm.rank))
+    parts = comm.collect(own.astype(np.float32))
+    assert (parts is None) == (comm.rank > 0)
+    if parts is not None:
+        assert [len(part) for part in parts] == list(range(comm.size))
+    got = comm.exchange([np.full((comm.rank, k), 10 * comm.rank + k) for k in range(comm.size)])
+    for k, array in enumerate(got):
+        assert np.array_equal(array, np.full((k, comm.rank), 10 * k + comm.rank))
+    for count in (0, 1, comm.size - 1, 100):
+        shares = comm.share_out(count)
+        assert [first for first, _ in shares[1:]] == [last for _, last in shares[:-1]]
+        assert (shares[0][0], shares[-1][1]) == (0, count)
+
+
+def transforms(comm: Comm) -> None:
+    for shape in SHAPES:
+        for kind, near in ((np.float32, 2e-6), (np.float64, 1e-14), (np.complex128, 1e-14)):
+            rng = np.random.default_rng(shape[0])
+            image = (rng.random(shape) + (1j * rng.random(shape) if kind is np.complex128 else 0)).astype(kind)
+            first, last = comm.share_out(shape[0])[comm.rank]
+            spectrum = fft.fft2(image[first:last], shape, comm, 1)
+            left, right = comm.share_out(shape[1])[comm.rank]
+            assert spectrum.shape == (shape[0], right - left)
+            assert np.abs(spectrum - np.fft.fft2(image)[:, left:right]).max(initial=0) <= near * image.size
+            assert (spectrum.dtype == np.complex64) == (kind is np.float32)
+            back = fft.ifft2(spectrum, shape, comm, 1)
+            assert np.abs(back - image[first:last]).max(initial=0) <= 10 * near
+            whole = fft.dft2(image if comm.rank == 0 else None, comm)
+            if whole is not None:
+                assert np.abs(whole - np.fft.fft2(image)).max() <= near * image.size * 4
+            inverse = fft.dft2(whole, comm, threads=2, inverse=True)
+            if inverse is not None:
+                assert np.abs(inverse - image).max() <= 100 * near
+
+
+def filters(comm: Comm) -> None:
+    kernel = np.random.default_rng(1).random((5, 9))
+    for options in ({"gaussian": 1.5}, {"ideal": 0.2}, {"butterworth": (0.2, 3)}, {"kernel": kernel / kernel.sum()}):
+        chosen = make_filter(**options)
+        for shape in ((1, 1, 1), (3, 40, 4), (45, 33, 3)):
+            image = np.random.default_rng(2).random(shape)
+            for border in BORDERS:
+                out = fft.lowpass(image if comm.rank == 0 else None, chosen if comm.rank == 0 else None, comm, border, 0.3, threads=1)
+                assert (out is None) == (comm.rank > 0)
+                if out is not None:
+                    assert np.abs(out - apply(image, chosen, border, 0.3, "auto", 1)).max() < 1e-13, (options, shape, border)
+
+
+def fails(comm: Comm) -> None:
+    """The last rank fails; the others wait for it."""
+    if comm.rank == comm.size - 1:
+        raise InputError("the last rank has had enough")
+    comm.share(1)
+    comm.collect(np.zeros(3))
+    comm.deal([np.zeros(1)] * comm.size if comm.rank == 0 else None)
+    while True:
+        comm.exchange([np.zeros(1)] * comm.size)
+        time.sleep(0.01)
+
+
+if __name__ == "__main__":
+    comm = world()
+    name = sys.argv[1]
+    if name == "uncaught":
+        fails(comm)
+    else:
+        with comm.guard():
+            {"messages": messages, "transforms": transforms, "filters": filters, "fails": fails}[name](comm)
+        if comm.rank == 0:
+            print(f"{name}: {comm.size} ranks agree")

@@ -1,0 +1,101 @@
+"""Ranks of MPI against one rank: the same numbers for 1, 2, 3 and 5 of them, and no rank is left waiting."""
+
+import importlib.util
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from luxel.cluster.comm import Comm, launched, world
+from luxel.errors import ExtraMissingError
+
+RANKS = Path(__file__).with_name("ranks.py")
+MPIEXEC = shutil.which("mpiexec", path=f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}")
+needs_mpi = pytest.mark.skipif(MPIEXEC is None or importlib.util.find_spec("mpi4py") is None, reason="no mpiexec or mpi4py: pip install 'luxel[mpi]'")
+
+
+def mpi(ranks: int, *command: object, timeout: float = 120) -> subprocess.CompletedProcess[str]:
+    line = [MPIEXEC, "-n", str(ranks), sys.executable, *map(str, command)]
+    return subprocess.run(line, capture_output=True, text=True, timeout=timeout, env={**os.environ, "LUXEL_THREADS": "1"}, check=False)
+
+
+@needs_mpi
+@pytest.mark.parametrize("ranks", [1, 2, 3, 5])
+@pytest.mark.parametrize("what", ["messages", "transforms", "filters"])
+def test_ranks_agree_with_one(what, ranks):
+    done = mpi(ranks, RANKS, what)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == f"{what}: {ranks} ranks agree\n"
+
+
+@needs_mpi
+@pytest.mark.parametrize("what", ["fails", "uncaught"])
+def test_one_failure_ends_all(what):
+    done = mpi(3, RANKS, what, timeout=60)
+    assert done.returncode != 0
+    assert "rank 2 of 3: the last rank has had enough" in done.stderr
+
+
+@needs_mpi
+def test_a_command_under_mpiexec_writes_one_file(tmp_path):
+    from luxel.io.images import read_image, write_png
+
+    image = np.random.default_rng(1).integers(0, 256, (50, 70, 4), dtype=np.uint8)
+    write_png(tmp_path / "in.png", image)
+    for options in (["--gaussian", "2"], ["--butterworth", ".2", "--order", "4"]):
+        one, four = tmp_path / "one.png", tmp_path / "four.png"
+        assert mpi(1, "-m", "luxel", "filter", tmp_path / "in.png", "-o", one, *options).returncode == 0
+        done = mpi(4, "-m", "luxel", "filter", tmp_path / "in.png", "-o", four, *options)
+        assert done.returncode == 0, done.stderr
+        assert done.stdout.count("four.png") == 1
+        assert np.abs(read_image(one).astype(int) - read_image(four)).max() <= 1
+        four.unlink()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["in.png", "one.png"]
+
+
+@needs_mpi
+def test_a_missing_file_ends_the_command_on_every_rank(tmp_path):
+    done = mpi(3, "-m", "luxel", "filter", tmp_path / "nothing.png", "-o", tmp_path / "out.png", "--gaussian", "1", timeout=60)
+    assert done.returncode != 0
+    assert "nothing.png" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_one_rank_needs_no_mpi():
+    assert not launched()
+    comm = world()
+    assert (comm.rank, comm.size) == (0, 1)
+    assert type(comm) is Comm
+    assert "mpi4py" not in sys.modules
+    array = np.arange(3)
+    assert comm.share("x") == "x"
+    assert comm.share_array(array) is array
+    assert comm.deal([array]) is array
+    assert comm.collect(array) == [array]
+    assert comm.exchange([array]) == [array]
+    assert comm.share_out(7) == [(0, 7)]
+    with pytest.raises(ZeroDivisionError), comm.guard():
+        raise ZeroDivisionError
+
+
+def test_a_launcher_without_mpi4py_is_said(monkeypatch):
+    """Each of the processes would do all of the work."""
+    monkeypatch.setenv("PMI_RANK", "0")
+    monkeypatch.setitem(sys.modules, "mpi4py", None)
+    world.cache_clear()
+    try:
+        with pytest.raises(ExtraMissingError, match=r"luxel\[mpi\]"):
+            world()
+    finally:
+        world.cache_clear()
+
+
+def test_mpi_has_one_door():
+    source = Path(__file__).resolve().parents[2] / "src"
+    doors = [path.name for path in source.rglob("*.py") if re.search(r"^\s*(import|from) mpi4py", path.read_text(), re.MULTILINE)]
+    assert doors == ["comm.py"]
