@@ -1,13 +1,12 @@
 """Overdraw: how often the pixels that a mesh covers are shaded when its triangles are drawn in their order, with a depth test.
 
-It is counted by luxel's rasteriser: `cover`'s own loop over triangles, compiled a second time with pixel operations that count where the
-others write an id (a fragment that is as near as what is there passes, as under GL_LEQUAL). So coverage and depth are the renderer's.
+It is counted by luxel's rasteriser: `cover`, which counts where it else would write an id (a fragment that is as near as what is there passes,
+as under GL_LEQUAL). So coverage and depth are the renderer's.
 """
 
 from __future__ import annotations
 
-from types import FunctionType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from luxel.errors import InputError
 from luxel.layout.checks import checked_triangles, whole
 from luxel.raster.bin import NO_CLIPPED, OPAQUE, Parts, bin_triangles
 from luxel.raster.constants import sample_pattern
-from luxel.raster.cover import _cover
+from luxel.raster.cover import cover
 from luxel.raster.lanes import LANES
 from luxel.raster.project import View, Window, project
 from luxel.scene.camera import Camera
@@ -30,47 +29,6 @@ VIEWS = 26
 """Directions on a Fibonacci sphere, beside those of the six axes."""
 
 _TILE = 64
-
-
-@jit.inlined
-def _count_span(depth, counts, first, count, x, z, slope, low, high, t):
-    """As `lanes.draw_span`, but counts what passes."""
-    for k in range(count):
-        d = z + slope * (x + np.float32(k))
-        d = d if d > low else low
-        d = d if d < high else high
-        if d >= depth[first + k]:
-            depth[first + k] = d
-            counts[first + k] += 1
-
-
-@jit.inlined
-def _count_inside(depth, counts, first, count, e0, e1, e2, a0, a1, a2, x, z, slope, low, high, t):
-    """As `lanes.draw_inside`, but counts what passes."""
-    for k in range(count):
-        if ((e0 + a0 * k) | (e1 + a1 * k) | (e2 + a2 * k)) >= 0:
-            d = z + slope * (x + np.float32(k))
-            d = d if d > low else low
-            d = d if d < high else high
-            if d >= depth[first + k]:
-                depth[first + k] = d
-                counts[first + k] += 1
-
-
-def _counting() -> Any:
-    """`cover`'s kernel with these pixel operations in place of its own."""
-    body = getattr(_cover, "py_func", _cover)
-    missing = {"draw_span", "draw_inside"} - set(body.__code__.co_names)
-    if missing:
-        raise RuntimeError(f"cover's loop does not call {', '.join(sorted(missing))}: overdraw needs other hooks")
-    names = {**body.__globals__, "draw_span": _count_span, "draw_inside": _count_inside}
-    code = body.__code__.replace(co_name="_count", co_qualname="_count")
-    count = FunctionType(code, names, "_count", body.__defaults__)
-    count.__module__ = __name__
-    return jit.parallel_kernel(count)
-
-
-_count = _counting()
 
 
 class Overdraw(NamedTuple):
@@ -153,12 +111,13 @@ def _counted(faces: Array, screen: Array, parts: Parts, window: Window, threads:
     """Fragments that pass the depth test, and pixels covered, of triangles with vertices on `screen` (n, 4), from `project`."""
     pattern = sample_pattern(1)
     bins = bin_triangles(faces, screen, NO_CLIPPED, parts, OPAQUE, pattern, window, _TILE, threads)
-    tiles, clipped = bins.across * bins.down, NO_CLIPPED.screen
+    tiles = bins.across * bins.down
     counts = np.empty((tiles, _TILE * _TILE + LANES), np.int32)
     no_depths = np.empty((0, counts.shape[1]), np.float32)
-    jit.run(_count, min(threads, tiles), 0, tiles, bins.across, _TILE, window.width, window.height, bins.start, bins.triangles, faces, screen,
-            screen.view(np.float32), clipped, clipped.view(np.float32), pattern, True, no_depths, counts)  # fmt: skip
-    return int(counts.sum(dtype=np.int64)) + counts.size, int(np.count_nonzero(counts >= 0))
+    cover(bins, faces, screen, NO_CLIPPED, pattern, window.width, window.height, 0, tiles, counts, no_depths, threads, True, True)
+    picture = counts[:, : _TILE * _TILE].reshape(bins.down, bins.across, _TILE, _TILE).swapaxes(1, 2).reshape(bins.down * _TILE, -1)
+    picture = picture[: window.height, : window.width]
+    return int(picture.sum(dtype=np.int64)), int(np.count_nonzero(picture))
 
 
 def meshoptimizer_overdraw(triangles: object, positions: object, threads: int | None = None) -> Overdraw:

@@ -90,14 +90,14 @@ def load(t, triangles, screen, screen_f, clipped_screen, clipped_f):
 
 
 @jit.inlined
-def draw_few(i, c, first, tile, depth, ids):
+def draw_few(i, c, first, tile, depth, ids, counting):
     """Draw small triangle `i` of the batch at the samples that begin at element `first`."""
     at, across, t = first + np.int64(c[AT + i]), np.int64(c[ACROSS + i]) + 1, c[T + i]
     x, y, low, high = bits_float(c[AT_X + i]), bits_float(c[AT_Y + i]), bits_float(c[LOW + i]), bits_float(c[HIGH + i])
     z, zx, zy = bits_float(c[DEPTH + i]), bits_float(c[STEP_X + i]), bits_float(c[STEP_Y + i])
     e0, e1, e2 = c[E0 + i], c[E1 + i], c[E2 + i]
     for _ in range(c[DOWN + i] + 1):
-        draw_inside(depth, ids, at, across, e0, e1, e2, c[A0 + i], c[A1 + i], c[A2 + i], x, z + zy * y, zx, low, high, t)
+        draw_inside(depth, ids, at, across, e0, e1, e2, c[A0 + i], c[A1 + i], c[A2 + i], x, z + zy * y, zx, low, high, t, counting)
         e0, e1, e2 = _I(e0 + c[B0 + i]), _I(e1 + c[B1 + i]), _I(e2 + c[B2 + i])
         at, y = at + tile, y + _F(1.0)
 
@@ -128,7 +128,7 @@ def find_spans(i, c, sx, sy, tile):
 
 
 @jit.part
-def draw_many(i, c, sx, sy, first, tile, depth, ids):
+def draw_many(i, c, sx, sy, first, tile, depth, ids, counting):
     """Draw triangle `i` of the batch, of any size, at the samples (sx, sy), which begin at element `first`."""
     find_spans(i, c, sx, sy, tile)
     z, zx, zy, low, high, t = (
@@ -140,28 +140,32 @@ def draw_many(i, c, sx, sy, first, tile, depth, ids):
         left, right = np.int64(c[SPAN_LEFT + k]), np.int64(c[SPAN_RIGHT + k])
         if left <= right:
             group = left & -LANES
-            draw_span(depth, ids, row + group, left - group, right - left + 1, x + _F(_I(group - begin)), z + zy * y, zx, low, high, t)
+            draw_span(depth, ids, row + group, left - group, right - left + 1, x + _F(_I(group - begin)), z + zy * y, zx, low, high, t, counting)
         row, y = row + tile, y + _F(1.0)
 
 
 @jit.part
-def draw_batch(n, c, sx, sy, first, tile, depth, ids):
+def draw_batch(n, c, sx, sy, first, tile, depth, ids, counting):
     """Draw the `n` triangles that are placed for the samples (sx, sy), which begin at element `first`."""
     for i in range(np.uint64(0), np.uint64(n)):
         kind = c[KIND + i]
         if kind == POINT:
             at = np.uint64(first) + np.uint64(c[AT + i])
-            if bits_float(c[POINT_DEPTH + i]) > depth[at]:
-                depth[at], ids[at] = bits_float(c[POINT_DEPTH + i]), c[T + i]
+            d = bits_float(c[POINT_DEPTH + i])
+            if counting is not None:
+                if d >= depth[at]:
+                    depth[at], ids[at] = d, ids[at] + 1
+            elif d > depth[at]:
+                depth[at], ids[at] = d, c[T + i]
         elif kind == FEW_PIXELS:
-            draw_few(i, c, first, tile, depth, ids)
+            draw_few(i, c, first, tile, depth, ids, counting)
         elif kind == MANY:
-            draw_many(i, c, sx, sy, first, tile, depth, ids)
+            draw_many(i, c, sx, sy, first, tile, depth, ids, counting)
 
 
 @jit.parallel_kernel
 def _cover(queue, first_tile, last_tile, across, tile, width, height, start, bin_ids, triangles, screen,
-           clipped_screen, pattern, clear_all, depths, ids_out):  # fmt: skip
+           clipped_screen, pattern, clear_all, depths, ids_out, counting):  # fmt: skip
     bin_ids, triangles, screen, clipped_screen = jit.borrow(bin_ids), jit.borrow(triangles), jit.borrow(screen), jit.borrow(clipped_screen)
     pattern, ids_out = jit.borrow(pattern), jit.borrow(ids_out)
     samples = len(pattern)
@@ -177,7 +181,7 @@ def _cover(queue, first_tile, last_tile, across, tile, width, height, start, bin
             ids = ids_out[slot]
             depth = all_depths[slot] if keep_depth else jit.borrow(own_depth)
             depth[:] = BEHIND
-            ids[:] = NOTHING
+            ids[:] = NOTHING if counting is None else 0
             px, py = (number % across) * tile, (number // across) * tile
             wide, high = min(tile, width - px), min(tile, height - py)
             while begin < end:
@@ -187,23 +191,25 @@ def _cover(queue, first_tile, last_tile, across, tile, width, height, start, bin
                 for s in range(samples):
                     sx, sy = np.int64(pattern[s, 0]), np.int64(pattern[s, 1])
                     place_batch(n, sx, sy, tile, wide, high, c)
-                    draw_batch(n, c, sx, sy, s * pixels, tile, depth, ids)
+                    draw_batch(n, c, sx, sy, s * pixels, tile, depth, ids, counting)
                 begin += n
         number = first_tile + jit.take(queue)
     own[0] = len(own_depth)  # the scratch must live until here: borrowing does not keep it
 
 
 def cover(bins: Bins, triangles: Array, screen: Array, clipped: Clipped, pattern: Array, width: int, height: int,
-          first_tile: int, last_tile: int, ids: Array, depths: Array, threads: int, clear_all: bool = False) -> None:  # fmt: skip
+          first_tile: int, last_tile: int, ids: Array, depths: Array, threads: int, clear_all: bool = False,
+          counting: bool = False) -> None:  # fmt: skip
     """Find the nearest triangle at each sample of tiles first_tile .. last_tile - 1.
 
     Args:
         ids: (tiles, s * tile * tile + LANES) int32, sample by sample, written; drawn ids, `NOTHING` where none. Tiles with an empty bin are
-            left as they are.
+            left as they are; what is in pixels of a tile beyond the window is undefined.
         clear_all: Also clear tiles with an empty bin.
+        counting: In place of ids, write how many triangles pass the depth test when it is their turn, as near as what is there included.
         depths: The same shape, float32, written (-1 where nothing); or (0, ...) if the depths are not wanted.
     """
     jit.run(
         _cover, min(threads, last_tile - first_tile), first_tile, last_tile, bins.across, bins.tile, width, height, bins.start,
-        bins.triangles, triangles, screen, clipped.screen, pattern, clear_all, depths, ids,
+        bins.triangles, triangles, screen, clipped.screen, pattern, clear_all, depths, ids, True if counting else None,
     )  # fmt: skip

@@ -17,28 +17,29 @@ from luxel import jit
 LANES = 8
 
 
-def draw_pixel(depth, ids, i, d, low, high, t):
-    """Depth `d`, clamped to low .. high, and id `t` replace what is at `i` if nearer."""
+def draw_pixel(depth, ids, i, d, low, high, t, counting):
+    """Depth `d`, clamped to low .. high, and id `t` replace what is at `i` if nearer; if `counting` is not None, then also if as near, and
+    in place of the id one is added."""
     d = d if d > low else low
     d = d if d < high else high
-    if d > depth[i]:
+    if d > depth[i] or (counting is not None and d == depth[i]):
         depth[i] = d
-        ids[i] = t
+        ids[i] = t if counting is None else ids[i] + 1
 
 
 if jit.DISABLED:
     import numpy as np
 
-    def draw_span(depth, ids, first, skip, count, x, z, slope, low, high, t):
+    def draw_span(depth, ids, first, skip, count, x, z, slope, low, high, t, counting):
         """Draw `count` pixels from element `first` + `skip` on; pixel k from `first` has depth z + slope * (x + k)."""
         for k in range(skip, skip + count):
-            draw_pixel(depth, ids, first + k, z + slope * (x + np.float32(k)), low, high, t)
+            draw_pixel(depth, ids, first + k, z + slope * (x + np.float32(k)), low, high, t, counting)
 
-    def draw_inside(depth, ids, first, count, e0, e1, e2, a0, a1, a2, x, z, slope, low, high, t):
+    def draw_inside(depth, ids, first, count, e0, e1, e2, a0, a1, a2, x, z, slope, low, high, t, counting):
         """Draw those pixels of the groups that hold the first `count` from `first` on where all three e + a * k are >= 0; int32."""
         for k in range(-(-count // LANES) * LANES):
             if min(int(e0) + int(a0) * k, int(e1) + int(a1) * k, int(e2) + int(a2) * k) >= 0:
-                draw_pixel(depth, ids, first + k, z + slope * (x + np.float32(k)), low, high, t)
+                draw_pixel(depth, ids, first + k, z + slope * (x + np.float32(k)), low, high, t, counting)
 
     def prefetch(array, i):
         """Nothing to do."""
@@ -55,7 +56,7 @@ else:
         one = builder.insert_element(ir.Constant(vector, ir.Undefined), value, ir.Constant(_I, 0))
         return builder.shuffle_vector(one, ir.Constant(vector, ir.Undefined), ir.Constant(ir.VectorType(_I, LANES), [0] * LANES))
 
-    def _blend(builder, depth, ids, mask, d, low, high, t):
+    def _blend(builder, depth, ids, mask, d, low, high, t, counting):
         """Eight lanes of `draw_pixel` at the pointers `depth` and `ids`, where `mask`."""
         low, high = _splat(builder, low, _VF), _splat(builder, high, _VF)
         d = builder.select(builder.fcmp_ordered(">", d, low), d, low)
@@ -64,9 +65,11 @@ else:
         ids = builder.bitcast(ids, _VI.as_pointer())
         old_depth, old_ids = builder.load(depth), builder.load(ids)
         old_depth.align = old_ids.align = 4
-        mask = builder.and_(mask, builder.fcmp_ordered(">", d, old_depth))
+        counts = not isinstance(counting, types.NoneType)
+        mask = builder.and_(mask, builder.fcmp_ordered(">=" if counts else ">", d, old_depth))
+        new_ids = builder.add(old_ids, ir.Constant(_VI, [1] * LANES)) if counts else _splat(builder, t, _VI)
         builder.store(builder.select(mask, d, old_depth), depth, align=4)
-        builder.store(builder.select(mask, _splat(builder, t, _VI), old_ids), ids, align=4)
+        builder.store(builder.select(mask, new_ids, old_ids), ids, align=4)
 
     def _from(builder, start, vector):
         """start, start + 1, ... and what to add for the next group."""
@@ -98,11 +101,11 @@ else:
         builder.position_at_end(done)
 
     @intrinsic
-    def draw_span(typingctx, depth, ids, first, skip, count, x, z, slope, low, high, t):
+    def draw_span(typingctx, depth, ids, first, skip, count, x, z, slope, low, high, t, counting):
         """Draw `count` pixels from element `first` + `skip` on; pixel k from `first` has depth z + slope * (x + k)."""
 
         def codegen(context, builder, signature, arguments):
-            _, _, first, skip, count, x, z, slope, low, high, t = arguments
+            _, _, first, skip, count, x, z, slope, low, high, t, _ = arguments
             depth = array_data(context, builder, signature, arguments, 0)
             ids = array_data(context, builder, signature, arguments, 1)
             end = builder.add(skip, count)
@@ -110,18 +113,18 @@ else:
             with _groups(builder, end, _from(builder, ir.Constant(_I, 0), _VI), _from(builder, x, _VF)) as (k, (lane, x)):
                 i = builder.add(first, k)
                 mask = builder.and_(builder.icmp_signed(">=", lane, begun), builder.icmp_signed("<", lane, ended))
-                _blend(builder, builder.gep(depth, [i]), builder.gep(ids, [i]), mask, _depths(builder, x, z, slope), low, high, t)
+                _blend(builder, builder.gep(depth, [i]), builder.gep(ids, [i]), mask, _depths(builder, x, z, slope), low, high, t, counting)
             return context.get_dummy_value()
 
         f, i = types.float32, types.int64
-        return types.none(depth, ids, i, i, i, f, f, f, f, f, types.int32), codegen
+        return types.none(depth, ids, i, i, i, f, f, f, f, f, types.int32, counting), codegen
 
     @intrinsic
-    def draw_inside(typingctx, depth, ids, first, count, e0, e1, e2, a0, a1, a2, x, z, slope, low, high, t):
+    def draw_inside(typingctx, depth, ids, first, count, e0, e1, e2, a0, a1, a2, x, z, slope, low, high, t, counting):
         """Draw those pixels of the groups that hold the first `count` from `first` on where all three e + a * k are >= 0; int32."""
 
         def codegen(context, builder, signature, arguments):
-            _, _, first, count, *edges, x, z, slope, low, high, t = arguments
+            _, _, first, count, *edges, x, z, slope, low, high, t, _ = arguments
             depth = array_data(context, builder, signature, arguments, 0)
             ids = array_data(context, builder, signature, arguments, 1)
             growing = []
@@ -131,11 +134,11 @@ else:
             with _groups(builder, count, *growing, _from(builder, x, _VF)) as (k, (e0, e1, e2, x)):
                 inside = builder.icmp_signed(">=", builder.or_(builder.or_(e0, e1), e2), ir.Constant(_VI, [0] * LANES))
                 i = builder.add(first, k)
-                _blend(builder, builder.gep(depth, [i]), builder.gep(ids, [i]), inside, _depths(builder, x, z, slope), low, high, t)
+                _blend(builder, builder.gep(depth, [i]), builder.gep(ids, [i]), inside, _depths(builder, x, z, slope), low, high, t, counting)
             return context.get_dummy_value()
 
         f, i, e = types.float32, types.int64, types.int32
-        return types.none(depth, ids, i, i, e, e, e, e, e, e, f, f, f, f, f, e), codegen
+        return types.none(depth, ids, i, i, e, e, e, e, e, e, f, f, f, f, f, e, counting), codegen
 
     @intrinsic
     def prefetch(typingctx, array, i):

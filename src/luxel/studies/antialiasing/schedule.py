@@ -18,9 +18,9 @@ import numpy as np
 from luxel import jit
 from luxel.arrays import Array
 from luxel.raster.constants import sample_pattern
-from luxel.raster.cover import depth_plane
 from luxel.raster.edge import edges
 from luxel.raster.project import View, Window, project
+from luxel.raster.setup import depth_plane
 from luxel.scene.builtin.paper import two_triangles
 from luxel.studies.antialiasing import PAPER
 from luxel.studies.report import Report
