@@ -41,8 +41,9 @@ Profile = Annotated[str | None, _order("--profile", metavar="GPU", help="In plac
 _limit = "Then sort clusters against overdraw, for so many times the cache misses, such as 1.05 [off]."
 Overdraw = Annotated[str | None, _order("--overdraw", metavar="LIMIT", help=_limit)]
 Seconds = Annotated[str | None, _order("--seconds", metavar="S", help="About so long for each mesh, where the order can choose.")]
-Width = Annotated[str | None, _order("--width", metavar="N", help="look-ahead: candidates that are simulated.")]
-Depth = Annotated[str | None, _order("--depth", metavar="N", help="look-ahead: triangles that each is simulated for.")]
+Width = Annotated[str | None, _order("--width", metavar="N", help="look-ahead: orders kept side by side; 1 is fast, 64 the best [4].")]
+Depth = Annotated[str | None, _order("--depth", metavar="N", help="look-ahead: settles after so many fans at the latest [64].")]
+Weights = Annotated[str | None, _order("--weights", metavar="K1,K2,K3", help="lin-yu and greedy-2016: of the three terms of the cost.")]
 
 _clean = partial(_option, "Cleaning")
 Weld = Annotated[bool, _clean("--weld", help="Make one of vertices that are equal in all attributes.")]
@@ -68,6 +69,7 @@ def optimize(
     seconds_: Seconds = None,
     width: Width = None,
     depth: Depth = None,
+    weights: Weights = None,
     weld: Weld = False,
     drop_degenerate: Degenerate = False,
     drop_duplicates: Duplicates = False,
@@ -86,7 +88,9 @@ def optimize(
 
     if profile is not None and (cache is not None or policy is not None):
         raise InputError("--profile is a cache of its own: it goes without --cache and --policy")
-    more = {name: values.whole(text, f"--{name}", 1) for name, text in (("width", width), ("depth", depth)) if text is not None}
+    more: dict[str, Any] = {name: values.whole(text, f"--{name}", 1) for name, text in (("width", width), ("depth", depth)) if text is not None}
+    if weights is not None:
+        more["weights"] = tuple(values.number(word, "--weights", "numbers such as 1,0.5,1.3") for word in weights.split(","))
     options = _checked_names(order, policy, profile)
     options |= {
         "cache": 12 if cache is None else values.whole(cache, "--cache", 3),
