@@ -132,6 +132,7 @@ _MADE: dict[str, Callable[[_Job], Array]] = {
     "morton": lambda job: morton(job.faces, job.positions, job.vertices),
     "tipsify": lambda job: tipsify(job.faces, job.rows, min(job.cache, 3 * len(job.faces) + 3)),
     "forsyth": lambda job: forsyth(job.faces, job.rows),
+    "greedy": lambda job: _greedy(job, "greedy"),
     "lin-yu": lambda job: _greedy(job, "lin-yu"),
     "greedy-2016": lambda job: _greedy(job, "greedy-2016"),
     "look-ahead": _look_ahead,
@@ -152,8 +153,8 @@ def order(triangles: object, vertex_count: int | None = None, order: str = "auto
     Args:
         triangles: (m, 3) int32 vertex indices.
         vertex_count: Vertices of the mesh; None: one more than the largest index.
-        order: One of `ORDERS`: "file" (as it is), "random", "morton", "tipsify", "forsyth", "lin-yu", "greedy-2016", "look-ahead" (see
-            their modules), or "auto": the best of the input, one greedy pass and look-ahead on the target, found by simulating it.
+        order: One of `ORDERS`: "file" (as it is), "random", "morton", "tipsify", "forsyth", "greedy", "lin-yu", "greedy-2016", "look-ahead"
+            (see their modules), or "auto": the best of the input, one greedy pass and look-ahead on the target, found by simulating it.
         cache: Vertices the cache holds, at least 3.
         policy: "fifo" or "lru".
         profile: Order for a GPU instead of `cache` and `policy`: "nvidia", "amd", "intel", "mobile", or a `batch.Model`.
@@ -198,7 +199,7 @@ def _try(job: _Job, name: str) -> tuple[Trial, Array, Array]:
 
 def _auto(job: _Job, seconds: float | None) -> Ordered:
     began = time.perf_counter()
-    tried = [_try(job, "file"), _try(job, "lin-yu")]
+    tried = [_try(job, "file"), _try(job, "greedy")]
     if seconds is not None:
         left = seconds - (time.perf_counter() - began)
         job.width = int(min(MOST_WIDTH, left / (PER_WIDTH * max(tried[1][0].seconds, 1e-6))))
