@@ -160,7 +160,8 @@ def _show(file: Path, output: Path | None, check: bool, report: Report) -> None:
     for row in _rows(report):
         table.add_row(row[0], *(Text(cell) for cell in row[1:]))
     if table.row_count:
-        out.print(table, end="\n\n")
+        out.print(table)
+        out.print()
     spent = report.seconds.get("order", 0.0) + report.seconds.get("overdraw", 0.0)
     triangles, vertices = (report.after.triangles, report.after.vertices) if report.after else (0, 0)
     rate = f", {triangles / spent / 1e6:.2f} M triangles/s" if spent > 0 and triangles >= 1000 else ""
