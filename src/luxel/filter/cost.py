@@ -13,7 +13,7 @@ from luxel.filter.tile_fft import SIZES
 
 METHODS = ("separable", "direct", "tiles", "fft", "dct")
 
-_SEPARABLE = (0.9, 0.045)  # a number of the picture, and a tap for it
+_SEPARABLE = (1.0, 0.040)  # a number of the picture, and a tap for it
 _DIRECT = (0.7, 0.043)
 _FFT = 0.9  # a number of the extended picture and a factor of 2 in its size
 _DCT = 0.72
