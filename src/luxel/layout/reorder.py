@@ -14,7 +14,7 @@ from luxel.errors import InputError
 from luxel.layout import batch
 from luxel.layout.adjacency import Adjacency, adjacency
 from luxel.layout.cache import POLICIES, misses
-from luxel.layout.checks import checked_cache, checked_triangles, checked_weights, positive, whole
+from luxel.layout.checks import SMALLEST_CACHE, checked_cache, checked_triangles, checked_weights, positive, whole
 from luxel.layout.forsyth import forsyth
 from luxel.layout.greedy import cost_table, greedy
 from luxel.layout.lookahead import DEPTH, SEARCH_WEIGHTS, WIDTH, look_ahead, risk_table
@@ -91,7 +91,11 @@ class _Job:
 
     @property
     def modelled(self) -> int:
-        """The FIFO that the orders are made for: larger ones gain nothing by a search of all they hold."""
+        """The FIFO that the orders are made for. Batches forget all at their end, which a smaller cache stands for; no more than
+        `LARGEST_CACHE` is searched.
+        """
+        if self.model and (self.model.warp or self.model.group):
+            return max(SMALLEST_CACHE, min(4 * self.model.cache // 5, BATCH_CACHE))
         return min(self.cache, LARGEST_CACHE)
 
     @property
@@ -138,7 +142,7 @@ _MADE: dict[str, Callable[[_Job], Array]] = {
     "look-ahead": _look_ahead,
 }
 ORDERS = (*_MADE, "auto")
-LARGEST_CACHE = 128
+LARGEST_CACHE, BATCH_CACHE = 128, 11
 MOST_WIDTH = 64
 PER_WIDTH = 2.5
 """Look-ahead takes about that many times as long as one greedy pass, for each order it keeps."""
