@@ -156,11 +156,13 @@ def calibrate() -> None:
     known = dict(cost._PAIR)
     for size in known:
         cost._PAIR, cost.SIZES = {size: known[size]}, (size,)
-        pairs = []
+        kept, pairs = [], []
         for n in (size // 8 + 1, size // 4 + 1, size // 2 + 1):
-            kept = -(-SIZE // (size + 1 - n))
-            pairs.append(nanoseconds(kernel=kernel(n), method="tiles") / (kept * kept * 3 / 2 + 0.5))
-        print(f"a pair of {size}: " + ", ".join(f"{p / 1e3:.1f}" for p in pairs) + " us (kernels of an eighth, a quarter, a half)", flush=True)
+            across = -(-SIZE // (size + 1 - n))
+            kept.append((size + 1 - n) ** 2)
+            pairs.append(nanoseconds(kernel=kernel(n), method="tiles") / (across * across * 3 / 2 + 0.5))
+        slope, base = np.polyfit(kept, pairs, 1)
+        print(f"_PAIR[{size}] = {base:.3g}, and {slope:.1f} a kept pixel", flush=True)
 
 
 def chosen(options: dict[str, Any], threads: int) -> str:
