@@ -127,8 +127,8 @@ def test_help_names_every_order(capsys):
     from luxel.layout import ORDERS
 
     assert main(["optimize", "--help"]) == 0
-    said = capsys.readouterr().out
-    assert all(name in said for name in ORDERS)
+    words = capsys.readouterr().out.replace(",", " ").replace(":", " ").split()
+    assert set(ORDERS) <= set(words)
 
 
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
