@@ -38,7 +38,7 @@ def test_a_table_and_what_was_written(capsys, ring, tmp_path):
     out = tmp_path / "out.ply"
     assert main(["optimize", str(ring), "-o", str(out), "--order", "tipsify", "--check"]) == 0
     said = capsys.readouterr().out
-    for row in ("ACMR, FIFO 12", "ACMR, FIFO 32", "ATVR, nvidia", "ATVR, mobile", "overdraw, mean", "overdraw, worst view", "overfetch"):
+    for row in ("ACMR, FIFO 12", "ACMR, FIFO 32", "ATVR, nvidia", "ATVR, mobile", "overdraw, mean", "overdraw, worst view", "overfetch", "edge span"):
         assert row in said
     assert "for FIFO 12: tipsify" in said
     assert "checked: the same triangles" in said

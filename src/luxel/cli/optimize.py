@@ -198,5 +198,6 @@ def _rows(report: Report) -> list[tuple[str, str, str, str, str]]:
         ("overdraw, mean", 1.0, a.overdraw, b.overdraw),
         ("overdraw, worst view", 1.0, a.worst_overdraw, b.worst_overdraw),
         ("overfetch", 1.0, a.overfetch, b.overfetch),
+        ("edge span, vertices", 1.0, a.edge_span, b.edge_span),
     ]
     return [(name, f"{best:.3f}", f"{x:.3f}", f"{y:.3f}", f"{y / x - 1:+.1%}") for name, best, x, y in rows if x is not None and y is not None]
