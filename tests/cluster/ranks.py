@@ -9,7 +9,7 @@ from luxel.cluster import fft
 from luxel.cluster.comm import Comm, world
 from luxel.errors import InputError
 from luxel.filter.borders import BORDERS
-from luxel.filter.lowpass import apply, make_filter
+from luxel.filter.filters import apply, make_filter
 
 SHAPES = [(1, 1), (2, 3), (3, 1), (7, 5), (16, 16), (30, 31), (64, 48)]
 

@@ -14,7 +14,7 @@ from luxel.errors import FileError, InputError
 from luxel.filter import lowpass
 from luxel.filter.borders import BORDERS
 from luxel.filter.files import Sink, decoded, kernel_file, opened
-from luxel.filter.lowpass import make_filter
+from luxel.filter.filters import make_filter
 from luxel.filter.png_rows import bands, header
 from luxel.filter.spectrum import spectrum_picture
 from luxel.filter.streamed import filtered_bands

@@ -9,7 +9,9 @@ from hypothesis import strategies as st
 
 import luxel
 from luxel import InputError, Mesh, Scene
+from luxel.layout import acmr
 from luxel.layout.clean import vertex_rows
+from luxel.layout.measure import Draw, measure
 from luxel.layout.optimize import Options, Report, lay_out
 from luxel.layout.same import Soup, difference, soups_of
 from luxel.scene.builtin import bumpy_sphere, room, torus
@@ -76,8 +78,6 @@ def test_any_soup_stays_the_same(count, vertices, seed, order, weld, degenerate,
 @settings(deadline=None, max_examples=25)
 @given(st.integers(0, 2**32 - 1), st.integers(3, 40), st.sampled_from(["fifo", "lru"]))
 def test_auto_is_never_worse_than_the_input(seed, cache, policy):
-    from luxel.layout import acmr
-
     rng = np.random.default_rng(seed)
     faces = rng.integers(0, 30, (50, 3)).astype(np.int32)
     (_, result), _ = luxel.optimize((rng.random((30, 3)), faces), cache=cache, policy=policy, measures=False)
@@ -169,6 +169,20 @@ def test_the_overdraw_limit_holds():
     assert b.after.acmr[12] <= 1.03 * a.after.acmr[12]
     assert b.after.overdraw < a.after.overdraw
     assert same(plain, less) is None
+
+
+def test_measures_of_two_draws_are_those_of_both():
+    lone = measure([Draw(TORUS.triangles, len(TORUS.positions), 12)])
+    flat = np.zeros((5, 3), np.int32)
+    twice = measure([Draw(TORUS.triangles, len(TORUS.positions), 12)] * 2 + [Draw(flat[:0], 3, 12)])
+    assert (twice.triangles, twice.vertices) == (2 * lone.triangles, 2 * lone.vertices)
+    assert (twice.acmr, twice.atvr) == (lone.acmr, lone.atvr)
+    assert twice.overfetch == pytest.approx(lone.overfetch)
+    assert twice.edge_span == pytest.approx(lone.edge_span) > 1
+    assert lone.acmr[12] == pytest.approx(acmr(TORUS.triangles, 12))
+    assert lone.overdraw is None
+    assert measure([Draw(flat, 1, 12)]).edge_span == 1
+    assert measure([]).triangles == 0
 
 
 def test_the_report_is_plain_for_json():

@@ -16,7 +16,7 @@ from luxel.errors import InputError
 if TYPE_CHECKING:
     from luxel.arrays import Array
     from luxel.cluster.comm import Comm
-    from luxel.filter.lowpass import Filter
+    from luxel.filter.filters import Filter
 
 EXAMPLE = "luxel filter photo.png -o soft.png --gaussian 2.5 --spectrum spectrum.png"
 
@@ -92,7 +92,7 @@ def filter(
 
 def _chosen(gaussian: str | None, butterworth: str | None, order: str | None, ideal: str | None, kernel: Path | None) -> Filter | None:
     from luxel.filter.files import kernel_file
-    from luxel.filter.lowpass import make_filter
+    from luxel.filter.filters import make_filter
 
     named = {"--gaussian": gaussian, "--butterworth": butterworth, "--ideal": ideal, "--kernel": kernel}
     given = [name for name, text in named.items() if text is not None]

@@ -33,7 +33,7 @@ Check = Annotated[bool, _option(None, "--check", help="Read OUT again, and prove
 Threads = Annotated[str | None, _option(None, "--threads", metavar="N", help="Of the processor [all].")]
 
 _order = partial(_option, "Order")
-_orders = "look-ahead, greedy-2016, lin-yu, forsyth, tipsify, morton, random, file or auto: the best of several, never worse [auto]."
+_orders = "look-ahead, greedy, greedy-2016, lin-yu, forsyth, tipsify, morton, random, file or auto: the best of several, never worse [auto]."
 Order = Annotated[str, _order("--order", metavar="NAME", help=_orders)]
 Cache = Annotated[str | None, _order("--cache", metavar="K", help="For a cache of so many vertices [12].")]
 Policy = Annotated[str | None, _order("--policy", metavar="NAME", help="That works as fifo or lru [fifo].")]
@@ -41,8 +41,9 @@ Profile = Annotated[str | None, _order("--profile", metavar="GPU", help="In plac
 _limit = "Then sort clusters against overdraw, for so many times the cache misses, such as 1.05 [off]."
 Overdraw = Annotated[str | None, _order("--overdraw", metavar="LIMIT", help=_limit)]
 Seconds = Annotated[str | None, _order("--seconds", metavar="S", help="About so long for each mesh, where the order can choose.")]
-Width = Annotated[str | None, _order("--width", metavar="N", help="look-ahead: candidates that are simulated.")]
-Depth = Annotated[str | None, _order("--depth", metavar="N", help="look-ahead: triangles that each is simulated for.")]
+Width = Annotated[str | None, _order("--width", metavar="N", help="look-ahead: orders kept side by side; 1 is fast, 64 the best [4].")]
+Depth = Annotated[str | None, _order("--depth", metavar="N", help="look-ahead: settles after so many fans at the latest [64].")]
+Weights = Annotated[str | None, _order("--weights", metavar="K1,K2,K3", help="lin-yu and greedy-2016: of the three terms of the cost.")]
 
 _clean = partial(_option, "Cleaning")
 Weld = Annotated[bool, _clean("--weld", help="Make one of vertices that are equal in all attributes.")]
@@ -68,6 +69,7 @@ def optimize(
     seconds_: Seconds = None,
     width: Width = None,
     depth: Depth = None,
+    weights: Weights = None,
     weld: Weld = False,
     drop_degenerate: Degenerate = False,
     drop_duplicates: Duplicates = False,
@@ -86,7 +88,9 @@ def optimize(
 
     if profile is not None and (cache is not None or policy is not None):
         raise InputError("--profile is a cache of its own: it goes without --cache and --policy")
-    more = {name: values.whole(text, f"--{name}", 1) for name, text in (("width", width), ("depth", depth)) if text is not None}
+    more: dict[str, Any] = {name: values.whole(text, f"--{name}", 1) for name, text in (("width", width), ("depth", depth)) if text is not None}
+    if weights is not None:
+        more["weights"] = tuple(values.number(word, "--weights", "numbers such as 1,0.5,1.3") for word in weights.split(","))
     options = _checked_names(order, policy, profile)
     options |= {
         "cache": 12 if cache is None else values.whole(cache, "--cache", 3),
@@ -156,7 +160,8 @@ def _show(file: Path, output: Path | None, check: bool, report: Report) -> None:
     for row in _rows(report):
         table.add_row(row[0], *(Text(cell) for cell in row[1:]))
     if table.row_count:
-        out.print(table, end="\n\n")
+        out.print(table)
+        out.print()
     spent = report.seconds.get("order", 0.0) + report.seconds.get("overdraw", 0.0)
     triangles, vertices = (report.after.triangles, report.after.vertices) if report.after else (0, 0)
     rate = f", {triangles / spent / 1e6:.2f} M triangles/s" if spent > 0 and triangles >= 1000 else ""
@@ -193,5 +198,6 @@ def _rows(report: Report) -> list[tuple[str, str, str, str, str]]:
         ("overdraw, mean", 1.0, a.overdraw, b.overdraw),
         ("overdraw, worst view", 1.0, a.worst_overdraw, b.worst_overdraw),
         ("overfetch", 1.0, a.overfetch, b.overfetch),
+        ("edge span, vertices", 1.0, a.edge_span, b.edge_span),
     ]
     return [(name, f"{best:.3f}", f"{x:.3f}", f"{y:.3f}", f"{y / x - 1:+.1%}") for name, best, x, y in rows if x is not None and y is not None]

@@ -18,7 +18,7 @@ from luxel.arrays import Array
 from luxel.cluster.comm import Comm
 from luxel.errors import InputError
 from luxel.filter.borders import border_map, extended
-from luxel.filter.lowpass import Filter, apply, refuse_odd
+from luxel.filter.filters import Filter, apply, refuse_odd
 from luxel.filter.spectral import Transfer, cosine_frequencies
 from luxel.filter.transform import dft2_rows
 
@@ -124,7 +124,7 @@ def lowpass(image: Array | None, filter: Filter | None, comm: Comm, border: str 
 
     Args:
         image: On rank 0; None elsewhere.
-        filter: From `luxel.filter.lowpass.make_filter`, on rank 0.
+        filter: From `luxel.filter.filters.make_filter`, on rank 0.
         comm: The ranks; all of them call this.
         border, value, method, threads: As of `luxel.filter.lowpass`.
 

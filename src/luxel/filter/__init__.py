@@ -12,12 +12,12 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from luxel.filter.lowpass import lowpass
+    from luxel.filter.filters import lowpass
     from luxel.filter.metrics import difference_picture, max_difference, psnr, rmse, ssim
     from luxel.filter.transform import dft2, fft2, idft2, ifft2, irfft2, rfft2
 
 _HOMES = {
-    "luxel.filter.lowpass": ("lowpass",),
+    "luxel.filter.filters": ("lowpass",),
     "luxel.filter.metrics": ("difference_picture", "max_difference", "psnr", "rmse", "ssim"),
     "luxel.filter.transform": ("dft2", "fft2", "idft2", "ifft2", "irfft2", "rfft2"),
 }

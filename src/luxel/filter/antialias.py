@@ -13,7 +13,7 @@ import numpy as np
 from luxel import jit
 from luxel.arrays import Array
 from luxel.errors import InputError
-from luxel.filter.lowpass import checked_picture
+from luxel.filter.filters import checked_picture
 from luxel.filter.spectral import cosine_frequencies
 from luxel.filter.transfer import butterworth
 

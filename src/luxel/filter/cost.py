@@ -13,11 +13,12 @@ from luxel.filter.tile_fft import SIZES
 
 METHODS = ("separable", "direct", "tiles", "fft", "dct")
 
-_SEPARABLE = (0.9, 0.045)  # a number of the picture, and a tap for it
-_DIRECT = (0.7, 0.043)
-_FFT = 0.9  # a number of the extended picture and a factor of 2 in its size
-_DCT = 0.72
-_PAIR = {32: 4e3, 64: 22e3, 128: 92e3, 256: 500e3, 512: 2.4e6, 1024: 13e6, 2048: 65e6}  # two planes of a tile, all steps
+_SEPARABLE = (1.1, 0.041)  # a number of the picture, and a tap for it
+_DIRECT = (0.7, 0.044)
+_FFT = 0.8  # a number of the extended picture and a factor of 2 in its size
+_DCT = 0.70
+_PAIR = {32: 2.3e3, 64: 10.5e3, 128: 52e3, 256: 270e3, 512: 1.55e6, 1024: 8.5e6, 2048: 38e6}  # two planes of a tile, there and back
+_KEPT = 5.0  # a pixel of the two that is kept: brought in and out
 _START = {"separable": 20e3, "direct": 20e3, "tiles": 60e3, "fft": 100e3, "dct": 100e3}  # a call
 
 
@@ -47,7 +48,8 @@ def tiles(shape: tuple[int, int, int], kernel: tuple[int, int], threads: int = 1
         if tall > 0 and wide > 0:
             pairs = math.ceil(math.ceil(shape[0] / tall) * math.ceil(shape[1] / wide) * shape[2] / 2)
             rounds = math.ceil(pairs / threads) * threads  # the last ones may leave threads idle
-            plans.append(Plan("tiles", size, _START["tiles"] + (rounds + 0.5 * threads) * _PAIR[size]))  # and the kernel's own, forward
+            pair = _PAIR[size] + _KEPT * tall * wide
+            plans.append(Plan("tiles", size, _START["tiles"] + rounds * pair + 0.5 * threads * _PAIR[size]))  # and the kernel's own, forward
     return min(plans, key=lambda plan: plan.cost) if plans else None
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from luxel.arrays import Array
 from luxel.errors import FileError, InputError
 from luxel.filter import light, png_rows
-from luxel.filter.lowpass import checked_picture
+from luxel.filter.filters import checked_picture
 from luxel.io.files import atomic_write, door
 
 ENCODED = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")

@@ -10,7 +10,7 @@ import numpy as np
 from luxel.arrays import Array
 from luxel.filter.borders import border_map
 from luxel.filter.files import decoded
-from luxel.filter.lowpass import Filter, apply, refuse_odd
+from luxel.filter.filters import Filter, apply, refuse_odd
 from luxel.filter.spectral import cosine_frequencies
 
 MEMORY = 1 << 31
@@ -26,7 +26,7 @@ def filtered_bands(source: Array, filter: Filter, border: str, value: float, met
 
     Args:
         source: (h, w, c) as stored, in memory or a memory map.
-        filter, border, value, method, threads: As of `lowpass.apply`.
+        filter, border, value, method, threads: As of `filters.apply`.
         memory: Bytes that a band may have as float32.
         progress: Told the part that is done.
     """

@@ -14,7 +14,8 @@ from luxel.filter.vectors import LINE, SUMS, weighted_sums
 
 _STRIP = 8  # blocks of sums loaded side by side in the first pass
 _SHORT = 33  # taps of a column that are summed where the rows lie
-_SCRATCH = 1 << 20  # bytes of a band's rows that should stay cached
+_NARROW = 4  # blocks of sums whose columns are summed together
+_SCRATCH = 1 << 20  # bytes of a band's rows that should stay in the second cache; a quarter where columns are short
 
 
 def block(dtype: object) -> int:
@@ -109,11 +110,15 @@ def _separable(queue, workers, source, out, height, width, channels, y_map, y_we
         here = min(rows, height - first)
         loaded = here + len(y_weights) - 1
         if short and numbers >= columns and y_map[first] >= 0 and y_map[first + loaded - 1] >= 0:
+            wide = min(_NARROW * columns, numbers)  # so few columns of all rows stay in the first cache
+            for left in range(0, numbers, wide):
+                x = min(left, numbers - wide)
+                for y in range(here):
+                    places = y_places[first + y : first + y + len(y_weights)]
+                    _sum_row(sums, y * length + before * channels + x, wide, source, x, places, y_weights, columns, spare)
             for y in range(here):
-                places = y_places[first + y : first + y + len(y_weights)]
-                _sum_row(sums, before * channels, numbers, source, 0, places, y_weights, columns, spare)
-                _extend_row(sums, 0, before, width, channels, x_map, beside)
-                _sum_row(out, (first + y) * numbers, numbers, sums, 0, x_offsets, x_weights, columns, spare)
+                _extend_row(sums, y * length, before, width, channels, x_map, beside)
+                _sum_row(out, (first + y) * numbers, numbers, sums, y * length, x_offsets, x_weights, columns, spare)
                 if not all_finite(out, (first + y) * numbers, numbers, all_offsets, zeros, spare):
                     odd[0] = 1
             first = jit.take(queue) * rows
@@ -215,14 +220,14 @@ def separable(image: Array, out: Array, y_map: Array, y_weights: Array, x_map: A
     height, width, channels = image.shape
     dtype, columns = image.dtype, block(image.dtype)
     length = -(-(len(x_map) * channels + 2 * columns) // columns) * columns
-    rows = int(np.clip(_SCRATCH // (length * dtype.itemsize), 8, 64))
+    short = len(y_weights) <= _SHORT
+    rows = int(np.clip((_SCRATCH >> 2 * short) // (length * dtype.itemsize), 8, 64))
     rows = max(1, min(rows, -(-height // threads)))
     threads = max(1, min(threads, -(-height // rows)))
     workers, scratch = _scratch(threads, rows * length + (rows + len(y_weights)) * _STRIP * columns + columns, dtype)
     odd = np.zeros(1, np.int64)
     beside = value * float(y_weights.sum())
     y_offsets, x_offsets = columns * np.arange(len(y_weights)), channels * np.arange(len(x_weights))
-    short = len(y_weights) <= _SHORT
     jit.run(_separable, threads, workers, image.reshape(-1), out.reshape(-1), height, width, channels, y_map, y_weights, x_map, before, x_weights,
             dtype.type(value), dtype.type(beside), rows, columns, length, short, y_map * (width * channels), y_offsets, x_offsets, scratch,
             *whole_blocks(width * channels, dtype), odd)  # fmt: skip

@@ -284,27 +284,37 @@ def _users(data: Any) -> dict[int, int]:
     return counts
 
 
+def _groups(pieces: list[Piece], stride: int) -> list[list[Piece]]:
+    """The pieces of one view in their order; those of one space that were interleaved are together."""
+    groups: list[list[Piece]] = []
+    latest: dict[int, list[Piece]] = {}
+    for piece in sorted(pieces, key=lambda piece: piece.offset):
+        group = latest.get(piece.space)
+        if not stride or group is None or piece.offset - group[0].offset + piece.data.shape[1] > stride:
+            group = latest[piece.space] = []
+            groups.append(group)
+        group.append(piece)
+    return groups
+
+
 def _blocks(pieces: list[Piece], stride: int) -> bytes:
-    """The pieces of one view one after the other, those of one space that were interleaved interleaved again; sets the owners' byteOffset."""
+    """The pieces of one view one after the other, interleaved ones interleaved again; sets the owners' byteOffset."""
     out = bytearray()
-    pieces = sorted(pieces, key=lambda piece: piece.offset)
-    while pieces:
-        first = pieces[0]
-        group = [p for p in pieces if p.space == first.space and stride and p.offset - first.offset + p.data.shape[1] <= stride] or [first]
-        pieces = [p for p in pieces if all(p is not q for q in group)]
-        out.extend(b"\0" * (-len(out) % (stride if stride and len(out) % stride == 0 else 4)))
+    for group in _groups(pieces, stride):
+        first = group[0]
+        out.extend(b"\0" * (-len(out) % 4))
         start = len(out)
         for piece in group:
             for owner in piece.owners:
-                owner["byteOffset"] = start + (piece.offset - first.offset if stride else 0)
-        if stride:
-            rows = np.zeros((len(first.data), stride), np.uint8)
-            for piece in group:
-                at = piece.offset - first.offset
-                rows[:, at : at + piece.data.shape[1]] = piece.data
-            out.extend(rows.tobytes())
-        else:
+                owner["byteOffset"] = start + piece.offset - first.offset
+        if not stride:
             out.extend(first.data.tobytes())
+            continue
+        rows = np.zeros((len(first.data), stride), np.uint8)
+        for piece in group:
+            at = piece.offset - first.offset
+            rows[:, at : at + piece.data.shape[1]] = piece.data
+        out.extend(rows.tobytes())
     return bytes(out)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from luxel.arrays import Array
 from luxel.layout import batch
 from luxel.layout.cache import misses, used_vertices
-from luxel.layout.fetch import fetched
+from luxel.layout.fetch import edge_span, fetched
 from luxel.layout.overdraw import Overdraw, overdraw
 
 CACHES = (12, 16, 24, 32)
@@ -42,6 +42,7 @@ class Measures:
         overdraw: Shaded over covered pixels, mean over 32 views, back faces as the materials have them. Best 1. None if there is nothing to see.
         worst_overdraw: Of the worst view.
         overfetch: Bytes of vertices read over their size, through 128 KiB of cache. Best about 1.
+        edge_span: How far the two ends of an edge are apart in the vertex buffer, geometric mean. Best just above 1.
     """
 
     triangles: int
@@ -51,6 +52,7 @@ class Measures:
     overdraw: float | None = None
     worst_overdraw: float | None = None
     overfetch: float = 1.0
+    edge_span: float = 1.0
 
     def as_dict(self) -> dict[str, Any]:
         """Plain numbers, for JSON."""
@@ -76,7 +78,17 @@ def measure(draws: Sequence[Draw], seen: tuple[Array, Array, Array] | None = Non
     read = sum(fetched(d.triangles, d.vertices, d.stride).bytes for d in draws)
     size = sum(count * d.stride for count, d in zip(vertices, draws, strict=True))
     view = _overdraw(seen, threads)
-    return Measures(triangles, sum(vertices), acmr, atvr, view and view.mean, view and view.worst, read / size)
+    return Measures(triangles, sum(vertices), acmr, atvr, view and view.mean, view and view.worst, read / size, _edge_span(draws))
+
+
+def _edge_span(draws: Sequence[Draw]) -> float:
+    """Over all draw calls, each with the weight of its triangles; those that have no edge are left out."""
+    spans = []
+    for draw in draws:
+        a, b, c = draw.triangles.T
+        if ((a != b) | (b != c)).any():
+            spans.append((len(draw.triangles), np.log(edge_span(draw.triangles, draw.vertices))))
+    return float(np.exp(sum(m * span for m, span in spans) / sum(m for m, _ in spans))) if spans else 1.0
 
 
 def _total(missed: Array) -> int:

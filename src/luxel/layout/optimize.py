@@ -243,7 +243,7 @@ def optimize(source: Any, order: str = "auto", cache: int = 12, policy: str = "f
         drop_unused: Drop vertices that no triangle uses; else they go to the end.
         threads: None: all that the process may use.
         seconds: How long each mesh's order may take, about, where the order can choose.
-        measures: Also measure before and after (a second for a million triangles).
+        measures: Also measure before and after (some seconds for a million triangles).
         progress: Called with the fraction that is done.
         more: Further options of `luxel.layout.order`, such as `weights`, `width` and `depth`.
 

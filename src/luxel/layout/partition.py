@@ -101,8 +101,9 @@ def _compact(faces, members, number, inside, vertices):
     return count
 
 
-def part_size(count: int, most: int = PART) -> int:
-    """Triangles of a part of `count`: at most `most`, and an even number of parts, which two threads share evenly."""
+def part_size(count: int, most: int | None = None) -> int:
+    """Triangles of a part of `count`: at most `most` (None: `PART`), and an even number of parts, which two threads share evenly."""
+    most = PART if most is None else most
     return count if count <= most else -(-count // (2 * -(-count // (2 * most))))
 
 

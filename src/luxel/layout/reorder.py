@@ -14,7 +14,7 @@ from luxel.errors import InputError
 from luxel.layout import batch
 from luxel.layout.adjacency import Adjacency, adjacency
 from luxel.layout.cache import POLICIES, misses
-from luxel.layout.checks import checked_cache, checked_triangles, checked_weights, positive, whole
+from luxel.layout.checks import SMALLEST_CACHE, checked_cache, checked_triangles, checked_weights, positive, whole
 from luxel.layout.forsyth import forsyth
 from luxel.layout.greedy import cost_table, greedy
 from luxel.layout.lookahead import DEPTH, SEARCH_WEIGHTS, WIDTH, look_ahead, risk_table
@@ -91,7 +91,11 @@ class _Job:
 
     @property
     def modelled(self) -> int:
-        """The FIFO that the orders are made for: larger ones gain nothing by a search of all they hold."""
+        """The FIFO that the orders are made for. Batches forget all at their end, which a smaller cache stands for; no more than
+        `LARGEST_CACHE` is searched.
+        """
+        if self.model and (self.model.warp or self.model.group):
+            return max(SMALLEST_CACHE, min(4 * self.model.cache // 5, BATCH_CACHE))
         return min(self.cache, LARGEST_CACHE)
 
     @property
@@ -132,12 +136,13 @@ _MADE: dict[str, Callable[[_Job], Array]] = {
     "morton": lambda job: morton(job.faces, job.positions, job.vertices),
     "tipsify": lambda job: tipsify(job.faces, job.rows, min(job.cache, 3 * len(job.faces) + 3)),
     "forsyth": lambda job: forsyth(job.faces, job.rows),
+    "greedy": lambda job: _greedy(job, "greedy"),
     "lin-yu": lambda job: _greedy(job, "lin-yu"),
     "greedy-2016": lambda job: _greedy(job, "greedy-2016"),
     "look-ahead": _look_ahead,
 }
 ORDERS = (*_MADE, "auto")
-LARGEST_CACHE = 128
+LARGEST_CACHE, BATCH_CACHE = 128, 11
 MOST_WIDTH = 64
 PER_WIDTH = 2.5
 """Look-ahead takes about that many times as long as one greedy pass, for each order it keeps."""
@@ -152,8 +157,8 @@ def order(triangles: object, vertex_count: int | None = None, order: str = "auto
     Args:
         triangles: (m, 3) int32 vertex indices.
         vertex_count: Vertices of the mesh; None: one more than the largest index.
-        order: One of `ORDERS`: "file" (as it is), "random", "morton", "tipsify", "forsyth", "lin-yu", "greedy-2016", "look-ahead" (see
-            their modules), or "auto": the best of the input, one greedy pass and look-ahead on the target, found by simulating it.
+        order: One of `ORDERS`: "file" (as it is), "random", "morton", "tipsify", "forsyth", "greedy", "lin-yu", "greedy-2016", "look-ahead"
+            (see their modules), or "auto": the best of the input, one greedy pass and look-ahead on the target, found by simulating it.
         cache: Vertices the cache holds, at least 3.
         policy: "fifo" or "lru".
         profile: Order for a GPU instead of `cache` and `policy`: "nvidia", "amd", "intel", "mobile", or a `batch.Model`.
@@ -198,7 +203,7 @@ def _try(job: _Job, name: str) -> tuple[Trial, Array, Array]:
 
 def _auto(job: _Job, seconds: float | None) -> Ordered:
     began = time.perf_counter()
-    tried = [_try(job, "file"), _try(job, "lin-yu")]
+    tried = [_try(job, "file"), _try(job, "greedy")]
     if seconds is not None:
         left = seconds - (time.perf_counter() - began)
         job.width = int(min(MOST_WIDTH, left / (PER_WIDTH * max(tried[1][0].seconds, 1e-6))))

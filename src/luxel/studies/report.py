@@ -84,7 +84,10 @@ class Report:
         axes.grid(alpha=0.3)
         yield axes
         axes.set_title(title)
-        if axes.get_legend_handles_labels()[0]:
+        handles, labels = axes.get_legend_handles_labels()
+        if len(handles) > 5:  # more would hide what they explain
+            figure.legend(handles, labels, fontsize="small", loc="outside right upper")
+        elif handles:
             axes.legend(fontsize="small")
         data = io.BytesIO()
         figure.savefig(data, format="png")
