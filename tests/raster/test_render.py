@@ -344,3 +344,22 @@ def test_streaming_names_an_option_it_has_not(tmp_path):
     with pytest.raises(luxel.InputError, match="outputs"):
         luxel.render_to_png(tmp_path / "a.png", scene, size=(4, 4), outputs=("depth",))
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("tile", [32, 64, 128])
+def test_thousands_of_triangles_in_a_tile_keep_their_own_colours(tile):
+    """More than stay set up at a time: every pixel has the colour of the triangle that is seen there, not of one set up in its place."""
+    rng = np.random.default_rng(11)
+    count, size = 12_000, (130, 70)
+    corners = rng.uniform((-2, -2), (132, 72), (count, 1, 2)) + rng.uniform(-3, 3, (count, 3, 2))
+    colors = np.concatenate([rng.random((count, 3)), np.ones((count, 1))], 1).astype(np.float32)
+    depths = rng.uniform(-0.9, 0.9, count).repeat(3)
+    mesh = flat_mesh(corners.reshape(-1, 2), np.arange(3 * count), depths, colors=colors.repeat(3, 0))
+    scene, camera, options = Scene.from_mesh(mesh, Material((1, 1, 1, 1), **UNLIT)), flat_camera(size), {"tile": tile, "background": (0, 0, 0)}
+    picture = luxel.render(scene, camera, size, outputs=("linear", "triangle"), **options)
+    seen = picture.triangle >= 0
+    assert len(np.unique(picture.triangle)) > 3000
+    assert np.array_equal(picture.linear[seen], colors[picture.triangle[seen]])
+    many = luxel.render(scene, camera, size, outputs=("linear",), samples=16, **options)
+    fine = luxel.render(scene, camera, size, outputs=("linear",), ssaa=8, **options)
+    assert np.abs(many.linear - fine.linear).mean() < 0.05
