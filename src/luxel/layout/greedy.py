@@ -125,17 +125,15 @@ def _best_triangle(v, now, vertex, face, start, rows):
     return best
 
 
-@jit.part
+@jit.inlined
 def _cheapest(now, cache, vertex, ring, costs):
-    """The grey vertex of least cost, -1 if none is grey; the oldest of equals."""
-    mask, best, least = len(ring) - 1, -1, np.float32(np.inf)
+    """The grey vertex of least cost, -1 if none is grey; the oldest of equals. Black ones cost infinity: a branch would be guessed wrong."""
+    mask, best, least = len(ring) - 1, np.int64(-1), np.float32(np.inf)
     for age in range(min(cache, now) - 1, -1, -1):
-        v = ring[(now - age) & mask]
-        left = vertex[v, _LEFT]
-        if left > 0:
-            cost = costs[age, min(vertex[v, _OPEN], OPEN - 1), min(left, LEFT) - 1]
-            if cost < least:
-                best, least = v, cost
+        v = np.int64(ring[(now - age) & mask])
+        cost = costs[age, min(vertex[v, _LEFT], LEFT), min(vertex[v, _OPEN], OPEN - 1)]
+        best = v if cost < least else best
+        least = min(cost, least)
     return best
 
 
@@ -231,5 +229,7 @@ def greedy(faces: Array, rows: Adjacency, cache: int, costs: Array) -> Array:
     _records(rows.start, cache, vertex)
     _corners(faces, face)
     ring = np.full(1 << int(cache).bit_length(), -1, np.int32)
-    _greedy(vertex, face, rows.start, rows.triangles, cache, costs, ring, np.empty(_STACK, np.int32), source)
+    table = np.full((cache, LEFT + 1, OPEN), np.inf, np.float32)
+    table[:, 1:] = costs.transpose(0, 2, 1)
+    _greedy(vertex, face, rows.start, rows.triangles, cache, table, ring, np.empty(_STACK, np.int32), source)
     return source

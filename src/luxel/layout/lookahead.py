@@ -1,7 +1,8 @@
 """Look-ahead: a beam of greedy orders kept side by side.
 
 A greedy order judges the next fan by what it costs now; what it leaves behind is paid for later. Here `width` partial orders are kept, each is
-continued by its few most promising foci, and the best `width` of all continuations go on. Two that have drawn the same triangles count once.
+continued by two foci, and the best `width` of all continuations go on. Two that have drawn the same triangles count once. The foci are those of two
+costs: where one is caught in a bad habit, such as strips a little too wide for the cache, the other leads out.
 
 An order is judged by what it will have cost in the end. Every vertex is loaded once; each time one is dropped with triangles left, it must be
 loaded once more. So the vertices dropped alive are counted, and for every live vertex in the cache the chance that it will be dropped alive is
@@ -26,7 +27,6 @@ from luxel.layout.greedy import LEFT, OPEN, VALENCE
 _FAN = 8
 """Vertices loaded before a fan is left."""
 _DRAWN = 100
-_BRANCHES = 2
 _STACK = 4096
 RATE = 0.1
 """Vertices lost for each triangle of a good order."""
@@ -34,7 +34,7 @@ LIMIT = 256
 """Triangles of the window at which it is swept."""
 WIDTH, DEPTH = 4, 64
 SEARCH_WEIGHTS = (1.0, 0.5, 0.7, 1.0)
-"""Of the greedy cost (`lin-yu`) by which an order's foci are chosen."""
+"""Of `lin-yu`, by whose cost one of an order's two foci is chosen; the other is that of `greedy`."""
 
 
 class Whole(NamedTuple):
@@ -298,25 +298,27 @@ def _risk(s, cache, risk, orders):
 
 
 @jit.inlined
-def _candidates(s, cache, costs, orders, chosen, price):
-    """The grey vertices of least cost, at most len(chosen); return how many."""
-    mask, now, count = orders.ring.shape[1] - 1, orders.now[s], 0
+def _candidates(s, cache, costs, other_costs, orders, chosen):
+    """Two foci: the grey vertex of least cost, and that of the other costs; the second of the first if they agree. Return how many there are."""
+    mask, now = orders.ring.shape[1] - 1, orders.now[s]
+    first, second, other = -1, -1, -1
+    least, next_least, other_least = np.float32(np.inf), np.float32(np.inf), np.float32(np.inf)
     for age in range(min(cache, np.int64(now)) - 1, -1, -1):
-        p = orders.ring[s, (now - age) & mask]
+        p = np.int64(orders.ring[s, (now - age) & mask])
         left = orders.left[s, p]
         if left > 0:
-            cost = costs[age, min(orders.open[s, p], OPEN - 1), min(left, LEFT) - 1]
-            if count == len(chosen):
-                if not cost < price[count - 1]:
-                    continue
-                count -= 1
-            i = count
-            while i > 0 and cost < price[i - 1]:
-                chosen[i], price[i] = chosen[i - 1], price[i - 1]
-                i -= 1
-            chosen[i], price[i] = p, cost
-            count += 1
-    return count
+            opened, place = min(orders.open[s, p], OPEN - 1), min(left, LEFT) - 1
+            cost, other_cost = costs[age, opened, place], other_costs[age, opened, place]
+            if cost < least:
+                second, next_least = first, least
+                first, least = p, cost
+            elif cost < next_least:
+                second, next_least = p, cost
+            if other_cost < other_least:
+                other, other_least = p, other_cost
+    chosen[0] = first
+    chosen[1] = second if other == first else other
+    return (first >= 0) + (second >= 0)
 
 
 @jit.part
@@ -539,38 +541,24 @@ def _sweep(beam, count, cache, whole, window, orders, stack, cursors, vertex_to,
 
 
 @jit.kernel
-def _beam(whole, window, orders, tree, cache, width, depth, limit, rate, costs, risk, beam, following, scores, spare, chosen, price, tips, keep,
+def _beam(whole, window, orders, tree, cache, width, depth, limit, rate, costs, other_costs, risk, beam, following, scores, spare, chosen, tips, keep,
           stack, cursors, vertex_to, triangle_to, source):  # fmt: skip
     """Write the order into `source`."""
     m = len(whole.faces)
-    count, written = 1, 0
+    count, written, room, memory = 1, 0, limit, depth
     beam[0] = 0
     while orders.done[beam[0]] < m:
-        if window.size[0] > limit or tree.size[0] + width > len(tree.parent):
-            count = _shrink(beam, count, depth, spare, tree, orders)
+        if window.size[0] > room or tree.size[0] + width > len(tree.parent):
+            count = _shrink(beam, count, memory, spare, tree, orders)
             written = _commit(beam, count, tree, orders, tips, keep, source, written)
             _sweep(beam, count, cache, whole, window, orders, stack, cursors, vertex_to, triangle_to)
-        found = 0
-        for i in range(count):
-            s = beam[i]
-            some = _candidates(s, cache, costs, orders, chosen, price)
-            if some == 0 and orders.done[s] < m:
-                chosen[0] = _restart(s, cache, whole, window, orders, stack, cursors)
-                some = 1
-            for k in range(some):
-                c = spare[spare[0]]
-                spare[0] -= 1
-                _copy(s, c, window, orders)
-                if _fan(c, np.int64(chosen[k]), cache, whole, window, orders):
-                    score = orders.lost[c] - rate * orders.done[c] + _risk(c, cache, risk, orders)
-                    found = _insert(c, score, following, scores, found, width, orders, spare)
-                else:
-                    _release(c, spare, 0)
-        if found == 0:
-            count = _shrink(beam, count, 0, spare, tree, orders)
-            written = _commit(beam, count, tree, orders, tips, keep, source, written)
-            _sweep(beam, count, cache, whole, window, orders, stack, cursors, vertex_to, triangle_to)
+            room = max(limit, 2 * window.size[0])
+        found = _step(beam, count, cache, width, rate, costs, other_costs, risk, whole, window, orders, following, scores, spare, chosen, stack,
+                      cursors)  # fmt: skip
+        if found < 0:  # the window is full: the orders have to agree sooner
+            memory, room = memory // 2, 0
             continue
+        memory = depth
         _grow(tree, orders, following, found)
         for i in range(count):
             _release(beam[i], spare, 0)
@@ -581,6 +569,30 @@ def _beam(whole, window, orders, tree, cache, width, depth, limit, rate, costs, 
             if orders.done[beam[i]] == m:
                 beam[0], beam[i] = beam[i], beam[0]
     return _commit(beam, 1, tree, orders, tips, keep, source, written)
+
+
+@jit.part
+def _step(beam, count, cache, width, rate, costs, other_costs, risk, whole, window, orders, following, scores, spare, chosen, stack, cursors):
+    """Continue every order by its best foci; the best of what comes of it are `following`. Return how many, or -1 if the window is full."""
+    found = 0
+    for i in range(count):
+        s = beam[i]
+        some = _candidates(s, cache, costs, other_costs, orders, chosen)
+        if some == 0:
+            chosen[0] = _restart(s, cache, whole, window, orders, stack, cursors)
+            some = 1
+        for k in range(some):
+            c = spare[spare[0]]
+            spare[0] -= 1
+            _copy(s, c, window, orders)
+            if not _fan(c, np.int64(chosen[k]), cache, whole, window, orders):
+                _release(c, spare, 0)
+                for j in range(found):
+                    _release(following[j], spare, 0)
+                return -1
+            score = orders.lost[c] - rate * orders.done[c] + _risk(c, cache, risk, orders)
+            found = _insert(c, score, following, scores, found, width, orders, spare)
+    return found
 
 
 @jit.part
@@ -617,11 +629,11 @@ def risk_table(cache: int) -> Array:
     return np.ascontiguousarray(np.where(c1 > remaining, 1.0, np.where(c1 > 0, chance, 0.0)), np.float32)
 
 
-def _scratch(faces: Array, rows: Adjacency, cache: int, width: int) -> tuple[Whole, Window, Orders, Tree]:
+def _scratch(faces: Array, rows: Adjacency, cache: int, width: int, depth: int) -> tuple[Whole, Window, Orders, Tree]:
     """What a beam works on, with one order that has drawn nothing."""
     n, m = len(rows.start) - 1, len(faces)
-    t = 1 << (max(2048, 2 * (cache + 3 * _FAN) * VALENCE).bit_length() - 1)
-    v, slots, fans = 2 * t, 2 * width + 2, max(1024, 64 * width)
+    t = min(8192, 1 << max(2048, 2 * (cache + 3 * _FAN) * VALENCE, 4 * width * depth).bit_length())
+    v, slots, fans = 2 * t, 2 * width + 2, 1024 + 4 * width * depth
     short, word = np.int16, np.int32
     whole = Whole(
         faces, rows.start, rows.triangles, np.diff(rows.start), np.zeros(m, np.uint8), np.full(n, -1, word), np.full(m, -1, word)
@@ -640,17 +652,17 @@ def _scratch(faces: Array, rows: Adjacency, cache: int, width: int) -> tuple[Who
     return whole, window, orders, tree
 
 
-def look_ahead(faces: Array, rows: Adjacency, cache: int, width: int, depth: int, costs: Array, risk: Array) -> Array:
+def look_ahead(faces: Array, rows: Adjacency, cache: int, width: int, depth: int, costs: Array, other_costs: Array, risk: Array) -> Array:
     """(m,) int32: the triangles in the best order that a beam of `width` greedy orders finds for a FIFO of `cache` vertices."""
     faces, rows = bounded(faces, rows, VALENCE)
-    whole, window, orders, tree = _scratch(faces, rows, cache, width)
+    whole, window, orders, tree = _scratch(faces, rows, cache, width, depth)
     slots, source = len(orders.now), np.empty(len(faces), np.int32)
     spare = np.arange(slots)  # the first counts the others
     spare[0] = slots - 1
-    beam, following, tips, chosen, cursors = (np.zeros(k, np.int64) for k in (slots, slots, slots, _BRANCHES, 2))
+    beam, following, tips, chosen, cursors = (np.zeros(k, np.int64) for k in (slots, slots, slots, 2, 2))
     _beam(
-        whole, window, orders, tree, cache, width, depth, LIMIT, RATE, costs, risk, beam, following, np.zeros(slots), spare, chosen,
-        np.zeros(_BRANCHES, np.float32), tips, np.zeros(len(tree.parent), np.int64), np.zeros(_STACK, np.int32), cursors,
+        whole, window, orders, tree, cache, width, depth, LIMIT, RATE, costs, other_costs, risk, beam, following, np.zeros(slots), spare, chosen,
+        tips, np.zeros(len(tree.parent), np.int64), np.zeros(_STACK, np.int32), cursors,
         np.zeros(len(window.vertices), np.int32), np.zeros(len(window.triangles), np.int32), source,
     )  # fmt: skip
     return source

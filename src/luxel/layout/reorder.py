@@ -109,11 +109,12 @@ class _Job:
         missed = batch.misses(triangles, self.model, self.vertices) if self.model else misses(triangles, self.cache, self.policy, self.vertices)
         return int(missed.sum(dtype=np.int64)) / len(triangles)
 
-    def gather(self, source: Array) -> Array:
+    def gather(self, source: Array) -> tuple[Array, float]:
+        """The triangles in that order, and their misses per triangle on the target."""
         triangles = np.empty_like(self.faces)
         cache = min(self.cache, len(self.faces) * 3 + 3)  # nothing leaves so large a cache
-        _gather(self.faces, source, cache, np.full(self.vertices, -cache, np.int32), triangles)
-        return triangles
+        pushed = _gather(self.faces, source, cache, np.full(self.vertices, -cache, np.int32), triangles)
+        return triangles, int(pushed) / len(source) if self.policy == "fifo" and not self.model else self.score(triangles)
 
 
     def in_parts(self, work: Callable[[Array, Adjacency], Array]) -> Array:
@@ -126,8 +127,9 @@ def _greedy(job: _Job, name: str) -> Array:
 
 
 def _look_ahead(job: _Job) -> Array:
-    costs, risk = cost_table("lin-yu", SEARCH_WEIGHTS, job.modelled), risk_table(job.modelled)
-    return job.in_parts(lambda faces, rows: look_ahead(faces, rows, job.modelled, job.width, job.depth, costs, risk))
+    k = job.modelled
+    costs, others, risk = cost_table("lin-yu", SEARCH_WEIGHTS, k), cost_table("greedy", None, k), risk_table(k)
+    return job.in_parts(lambda faces, rows: look_ahead(faces, rows, k, job.width, job.depth, costs, others, risk))
 
 
 _MADE: dict[str, Callable[[_Job], Array]] = {
@@ -197,8 +199,8 @@ def order(triangles: object, vertex_count: int | None = None, order: str = "auto
 def _try(job: _Job, name: str) -> tuple[Trial, Array, Array]:
     began = time.perf_counter()
     source = _MADE[name](job)
-    drawn = job.faces if name == "file" else job.gather(source)
-    return Trial(name, job.score(drawn), time.perf_counter() - began), drawn, source
+    drawn, acmr = (job.faces, job.score(job.faces)) if name == "file" else job.gather(source)
+    return Trial(name, acmr, time.perf_counter() - began), drawn, source
 
 
 def _auto(job: _Job, seconds: float | None) -> Ordered:
