@@ -99,7 +99,15 @@ def antialiasing() -> Any:
     return np.hstack([np.kron(part, np.ones((4, 4, 1), np.uint8)) for part in parts])
 
 
-PICTURES: tuple[Callable[[], Any], ...] = (room, dragon, bunny, arena, living_room, outputs, antialiasing)
+def layout() -> Any:
+    """The bunny's triangles by place in the order and by misses, as the file has them and laid out."""
+    from luxel.layout.pictures import picture
+
+    scene = luxel.load(MESHES / "stanford-bunny.obj", normals=False)
+    return picture(scene, luxel.optimize(scene, measures=False)[0], size=(480, 360))
+
+
+PICTURES: tuple[Callable[[], Any], ...] = (room, dragon, bunny, arena, living_room, outputs, antialiasing, layout)
 
 
 def main() -> None:

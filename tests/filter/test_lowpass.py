@@ -1,5 +1,6 @@
 """Low-pass filters: every way of convolving against the plain sum, and what any low-pass filter must keep."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -242,6 +243,25 @@ def test_the_same_bytes_for_any_number_of_threads():
         assert lowpass(image, kernel=kernel, method=method, threads=1).tobytes() == lowpass(image, kernel=kernel, method=method, threads=3).tobytes()
     one, three = (lowpass(image, gaussian=12.0, method="separable", threads=n) for n in (1, 3))
     assert one.tobytes() == three.tobytes()
+
+
+def test_plain_python_gives_the_same(tmp_path):
+    """With NUMBA_DISABLE_JIT the vector instructions are NumPy's."""
+    code = """
+import sys, numpy as np
+from luxel.filter import dft2, lowpass
+rng = np.random.default_rng(1)
+image, kernel = rng.random((20, 30, 3)), rng.random((5, 7))
+found = {method: lowpass(image, kernel=kernel, method=method) for method in ("direct", "tiles")}
+found |= {"separable": lowpass(image, kernel=kernel[:, :1] * kernel[:1], method="separable"), "dft": dft2(image[:5, :6, 0])}
+found |= {"bytes": lowpass((255 * image).astype(np.uint8), gaussian=1.0), "words": lowpass((65535 * image).astype(np.uint16), gaussian=1.0)}
+np.savez(sys.argv[1], **found)
+"""
+    for name, switch in (("plain", "1"), ("compiled", "0")):
+        subprocess.run([sys.executable, "-c", code, tmp_path / name], check=True, env={**os.environ, "NUMBA_DISABLE_JIT": switch})
+    with np.load(tmp_path / "plain.npz") as plain_python, np.load(tmp_path / "compiled.npz") as compiled:
+        for name in compiled:
+            assert np.abs(plain_python[name].astype(complex) - compiled[name]).max() < (1.1 if name == "words" else 1e-12), name
 
 
 def test_the_function_is_not_hidden_by_a_module():

@@ -23,7 +23,8 @@ def team(request):
 def test_every_way_draws_the_same_frame(team):
     for which in ("large", "small", "both"):
         screen = schedule.scene(97, which)
-        frames = [schedule.draw(screen, 97, way, team) for way in schedule.WAYS]
+        kept = schedule.Buffers.of(screen, 97)
+        frames = [schedule.draw(screen, 97, way, team, buffers) for way in schedule.WAYS for buffers in (None, kept)]
         for frame, seconds, idle in frames:
             assert np.array_equal(frame.color, frames[0][0].color)
             assert np.array_equal(frame.depth, frames[0][0].depth)

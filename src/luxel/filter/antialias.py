@@ -1,9 +1,10 @@
 """Anti-aliasing by frequency: a picture drawn at a higher rate loses, in its spectrum, what pixels cannot show, and is then decimated.
 
 The second remedy of "Anti-aliasing of triangle rasterisation, and its parallelisation" (2021): remove the high frequencies, then sample. Here both
-are one step. In the cosine transform (DCT-II) of a mirrored picture the low-pass is a product, and leaving out all coefficients beyond the
-pixels' Nyquist frequency and transforming back at the lower size is sampling at the pixels' centres: rows first, so that only the columns
-that stay are transformed at full height.
+are one step. In the cosine transform (DCT-II) of a mirrored picture the low-pass is a product, and sampling at the pixels' centres folds
+what is left beyond the pixels' Nyquist frequency back into the range below it: cos(pi (2 n - k) (i + 1/2) / n) = -cos(pi k (i + 1/2) / n).
+Simply leaving that out would be a sharper filter than was asked for, and draw ripples along edges. Beyond twice the Nyquist frequency next to
+nothing is left, and it is left out: rows first, so that only the columns that stay are transformed at full height.
 """
 
 from __future__ import annotations
@@ -14,10 +15,9 @@ from luxel import jit
 from luxel.arrays import Array
 from luxel.errors import InputError
 from luxel.filter.filters import checked_picture
-from luxel.filter.spectral import cosine_frequencies
 from luxel.filter.transfer import butterworth
 
-CUTOFF, ORDER = 0.45, 4.0
+CUTOFF, ORDER = 0.4, 4.0
 """The default Butterworth filter: cut-off in cycles per pixel, and order. See docs/decisions/0009-filters.md for how they were chosen."""
 
 
@@ -27,7 +27,7 @@ def decimate(picture: object, rate: int, cutoff: float = CUTOFF, order: float = 
     Args:
         picture: (rate h, rate w, c) or (rate h, rate w) float16 to float64, linear light, premultiplied by alpha.
         rate: Samples a pixel along each axis, 1 or more.
-        cutoff, order: Of the Butterworth filter, in cycles per pixel of the result; beyond 0.5 nothing passes.
+        cutoff, order: Of the Butterworth filter, in cycles per pixel of the result; beyond 1 nothing passes.
         threads: None: all cores.
 
     Returns:
@@ -61,7 +61,16 @@ def _decimated(plane: Array, rate: int, cutoff: float, order: float, workers: in
     from scipy.fft import dct, idctn
 
     height, width = plane.shape[0] // rate, plane.shape[1] // rate
-    kept = dct(plane, axis=1, norm="ortho", overwrite_x=True, workers=workers)[:, :width]
-    kept = dct(kept, axis=0, norm="ortho", workers=workers)[:height]
-    factors = butterworth(cosine_frequencies(height)[:, None], cosine_frequencies(width)[None], cutoff, order) / rate
-    return idctn(kept * factors.astype(plane.dtype), norm="ortho", overwrite_x=True, workers=workers)
+    kept = dct(plane, axis=1, overwrite_x=True, workers=workers)[:, : 2 * width]
+    kept = dct(kept, axis=0, workers=workers)[: 2 * height]
+    fy, fx = np.arange(kept.shape[0]) / (2 * height), np.arange(kept.shape[1]) / (2 * width)
+    kept *= (butterworth(fy[:, None], fx[None], cutoff, order) / rate**2).astype(plane.dtype)
+    return idctn(_folded(_folded(kept, height).T, width).T, overwrite_x=True, workers=workers)
+
+
+def _folded(coefficients: Array, count: int) -> Array:
+    """The coefficients of `count` samples (at their centres) of rows of up to twice as many coefficients."""
+    out = coefficients[:count].copy()
+    beyond = coefficients[count + 1 :][::-1]  # that of `count` itself is zero at every centre
+    out[1:][len(out) - 1 - len(beyond) :] -= beyond
+    return out

@@ -198,9 +198,11 @@ def _direct(queue, workers, source, out, height, width, channels, y_map, y_taps,
 
 
 def _scratch(threads: int, numbers: int, dtype: object) -> tuple[Array, Array]:
-    """A zeroed counter of workers, and for each some numbers of its own (a whole number of cache lines)."""
+    """A counter of workers, and for each some numbers of its own (a whole number of cache lines)."""
     lane = LINE // np.dtype(dtype).itemsize  # type: ignore[call-overload]
-    return np.zeros(1, np.int64), aligned((threads, -(-numbers // lane) * lane), dtype)
+    scratch = aligned((threads, -(-numbers // lane) * lane), dtype)
+    scratch[:] = 0  # the last block of a row takes in what lies behind it, and what it makes of that is not kept
+    return np.zeros(1, np.int64), scratch
 
 
 def separable(image: Array, out: Array, y_map: Array, y_weights: Array, x_map: Array, before: int, x_weights: Array, value: float,

@@ -24,7 +24,7 @@ class Adjacency(NamedTuple):
 
 @jit.kernel
 def _rows(faces, start, rows):
-    """Fill both arrays; `start` (n + 1,) holds 0."""
+    """Fill both arrays; `start` (n + 1,) holds 0. All are uint32: signed indices would be asked whether they count from the end."""
     n, m = len(start) - 1, len(faces)
     for t in range(m):
         for corner in range(3):
@@ -34,17 +34,19 @@ def _rows(faces, start, rows):
         end += start[v]
         start[v] = end
     start[n] = end
-    for t in range(m - 1, -1, -1):
+    for back in range(m):
+        t = np.uint64(m - 1 - back)
         for corner in range(3):
             v = faces[t, corner]
-            start[v] -= 1
-            rows[start[v]] = t
+            place = np.uint32(start[v] - 1)
+            start[v] = place
+            rows[place] = t
 
 
 def adjacency(faces: Array, vertex_count: int) -> Adjacency:
     """The triangles around each vertex of `faces`, (m, 3) int32 below `vertex_count`."""
     start, rows = np.zeros(vertex_count + 1, np.int32), np.empty(3 * len(faces), np.int32)
-    _rows(faces, start, rows)
+    _rows(faces.view(np.uint32), start.view(np.uint32), rows.view(np.uint32))
     return Adjacency(start, rows)
 
 

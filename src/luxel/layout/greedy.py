@@ -34,14 +34,16 @@ VALENCE = 32
 _STACK = 1 << 16
 _DRAWN = 100
 _STAMP, _LEFT, _OPEN, _FIRST = 0, 1, 2, 3
+_ONE, _NONE = np.uint32(1), np.uint32(0xFFFFFFFF)
+_MOST_OPEN, _MOST_LEFT = np.uint32(OPEN - 1), np.uint32(LEFT)
 
 
 @jit.kernel
-def _records(start, cache, vertex):
+def _records(start, vertex):
     """Fill `vertex` (n, 4): stamp, triangles left, open corners, first row."""
     for v in range(len(vertex)):
         valence = start[v + 1] - start[v]
-        vertex[v, _STAMP] = -cache
+        vertex[v, _STAMP] = 0
         vertex[v, _LEFT] = valence
         vertex[v, _OPEN] = 2 * valence
         vertex[v, _FIRST] = start[v]
@@ -57,7 +59,7 @@ def _corners(faces, face):
 @jit.part
 def _shift(v, by, vertex, face, start, rows):
     """Vertex v enters (`by` 1) or leaves (-1) the cache: tell its undrawn triangles and their other corners."""
-    for i in range(vertex[v, _FIRST], start[v + 1]):
+    for i in range(vertex[v, _FIRST], start[v + _ONE]):
         t = rows[i]
         if face[t, 3] < 4:
             face[t, 3] += by
@@ -85,20 +87,20 @@ def _draw(t, vertex, face, now, cache, source, done):
 
 @jit.part
 def _push(v, keep, now, done, cache, vertex, face, start, rows, ring, stack, source):
-    """Load v as the vertex number `now`, draw triangle `keep` (-1: none), drop the oldest, draw what can be drawn; return how many are done."""
-    mask = len(ring) - 1
-    old = ring[(now - cache) & mask]
-    ring[now & mask] = v
-    stack[now & (_STACK - 1)] = v
+    """Load v as the vertex number `now`, draw triangle `keep` (or _NONE), drop the oldest, draw what can be drawn; return how many are done."""
+    mask = np.uint64(len(ring) - 1)
+    old = ring[np.uint64(now - cache) & mask]
+    ring[np.uint64(now) & mask] = v
+    stack[np.uint64(now) & np.uint64(_STACK - 1)] = v
     vertex[v, _STAMP] = now
     _shift(v, 1, vertex, face, start, rows)
-    if keep >= 0:
+    if keep != _NONE:
         _draw(keep, vertex, face, now, cache + 1, source, done)
         done += 1
-    if old >= 0 and vertex[old, _LEFT] > 0:
+    if old != _NONE and vertex[old, _LEFT] > 0:
         _shift(old, -1, vertex, face, start, rows)
     if vertex[v, _LEFT] > 0:
-        for i in range(vertex[v, _FIRST], start[v + 1]):
+        for i in range(vertex[v, _FIRST], start[v + _ONE]):
             t = rows[i]
             if face[t, 3] == 3:
                 _draw(t, vertex, face, now, cache, source, done)
@@ -107,35 +109,34 @@ def _push(v, keep, now, done, cache, vertex, face, start, rows, ring, stack, sou
 
 
 @jit.part
-def _best_triangle(v, now, vertex, face, start, rows):
+def _best_triangle(v, vertex, face, start, rows):
     """The undrawn triangle of v with most corners in the cache; the one whose other corner there is oldest, of equals."""
-    best, most, oldest = -1, -1, 0
-    for i in range(vertex[v, _FIRST], start[v + 1]):
+    best, rank = _NONE, np.int64(-1)
+    for i in range(vertex[v, _FIRST], start[v + _ONE]):
         t = rows[i]
-        held = face[t, 3]
-        if held < 4 and held >= most:
-            stamp = now
-            if held == 2:
-                stamp = -1
-                for corner in range(3):
-                    if face[t, corner] != v:
-                        stamp = max(stamp, vertex[face[t, corner], _STAMP])
-            if held > most or stamp < oldest:
-                best, most, oldest = t, held, stamp
+        held = np.int64(face[t, 3])
+        if held < 4:
+            stamp = np.int64(0)
+            for corner in range(3):
+                u = face[t, corner]
+                stamp = max(stamp, np.int64(vertex[u, _STAMP]) if u != v else np.int64(0))
+            this = (held << 32) + 0xFFFFFFFF - stamp
+            best = t if this > rank else best
+            rank = max(this, rank)
     return best
 
 
-@jit.part
+@jit.inlined
 def _cheapest(now, cache, vertex, ring, costs):
-    """The grey vertex of least cost, -1 if none is grey; the oldest of equals."""
-    mask, best, least = len(ring) - 1, -1, np.float32(np.inf)
-    for age in range(min(cache, now) - 1, -1, -1):
-        v = ring[(now - age) & mask]
-        left = vertex[v, _LEFT]
-        if left > 0:
-            cost = costs[age, min(vertex[v, _OPEN], OPEN - 1), min(left, LEFT) - 1]
-            if cost < least:
-                best, least = v, cost
+    """The grey vertex of least cost, _NONE if none is grey; the oldest of equals. Black ones cost infinity: a branch would be guessed wrong."""
+    mask, best, least = np.uint64(len(ring) - 1), _NONE, np.float32(np.inf)
+    held = min(cache, now - cache)
+    for k in range(np.uint64(held)):
+        age = np.uint64(held - 1) - k
+        v = ring[(np.uint64(now) - age) & mask]
+        cost = costs[age, min(vertex[v, _LEFT], _MOST_LEFT), min(vertex[v, _OPEN], _MOST_OPEN)]
+        best = v if cost < least else best
+        least = min(cost, least)
     return best
 
 
@@ -143,20 +144,20 @@ def _cheapest(now, cache, vertex, ring, costs):
 def _finish(focus, now, done, cache, vertex, face, start, rows, ring, stack, source):
     """Draw the triangles of `focus`, until it is black or gone; return the vertices loaded and the triangles done."""
     while vertex[focus, _LEFT] > 0 and now - vertex[focus, _STAMP] < cache:
-        t = _best_triangle(focus, now, vertex, face, start, rows)
-        last = -1
+        t = _best_triangle(focus, vertex, face, start, rows)
+        first, last = _NONE, _NONE
         for corner in range(3):
             u = face[t, corner]
             if now - vertex[u, _STAMP] >= cache and u != last:
-                if last >= 0:
-                    now += 1
-                    done = _push(last, -1, now, done, cache, vertex, face, start, rows, ring, stack, source)
-                last = u
-        keep = t if face[t, 3] < 4 else -1
-        if last >= 0 and now - vertex[last, _STAMP] >= cache:
+                first, last = last, u
+        if first != _NONE:
+            now += 1
+            done = _push(first, _NONE, now, done, cache, vertex, face, start, rows, ring, stack, source)
+        keep = t if face[t, 3] < 4 else _NONE
+        if last != _NONE and now - vertex[last, _STAMP] >= cache:
             now += 1
             done = _push(last, keep, now, done, cache, vertex, face, start, rows, ring, stack, source)
-        elif keep >= 0:
+        elif keep != _NONE:
             _draw(keep, vertex, face, now, cache, source, done)
             done += 1
     return now, done
@@ -164,23 +165,24 @@ def _finish(focus, now, done, cache, vertex, face, start, rows, ring, stack, sou
 
 @jit.kernel
 def _greedy(vertex, face, start, rows, cache, costs, ring, stack, source):
-    """Write the order into `source`; `ring` holds -1 in a power of two places, more than `cache`."""
+    """Write the order into `source`; `ring` holds _NONE in a power of two places, more than `cache`. All but `costs` and `source` are uint32:
+    Numba counts negative indices from the end, which unsigned ones need not be asked for."""
     m = len(face)
-    now, done, cursor, top = 0, 0, 0, 0
+    now, done, cursor = np.int64(cache), 0, 0
     while done < m:
         focus = _cheapest(now, cache, vertex, ring, costs)
-        if focus < 0:
-            top = now
-            while top > max(0, now - _STACK) and vertex[stack[top & (_STACK - 1)], _LEFT] == 0:
+        if focus == _NONE:
+            top, bottom = now, max(np.int64(cache), now - _STACK)
+            while top > bottom and vertex[stack[top & (_STACK - 1)], _LEFT] == 0:
                 top -= 1
-            if top > max(0, now - _STACK):
+            if top > bottom:
                 focus = stack[top & (_STACK - 1)]
             else:
                 while vertex[cursor, _LEFT] == 0:
                     cursor += 1
-                focus = cursor
+                focus = np.uint32(cursor)
             now += 1
-            done = _push(focus, -1, now, done, cache, vertex, face, start, rows, ring, stack, source)
+            done = _push(focus, _NONE, now, done, cache, vertex, face, start, rows, ring, stack, source)
         now, done = _finish(focus, now, done, cache, vertex, face, start, rows, ring, stack, source)
     return now
 
@@ -227,9 +229,12 @@ def greedy(faces: Array, rows: Adjacency, cache: int, costs: Array) -> Array:
     """(m,) int32: the triangles in the greedy order of these costs for a FIFO of `cache` vertices."""
     faces, rows = bounded(faces, rows, VALENCE)
     n, m = len(rows.start) - 1, len(faces)
-    vertex, face, source = np.empty((n, 4), np.int32), np.empty((m, 4), np.int32), np.empty(m, np.int32)
-    _records(rows.start, cache, vertex)
+    vertex, face, source = np.empty((n, 4), np.uint32), np.empty((m, 4), np.uint32), np.empty(m, np.int32)
+    _records(rows.start, vertex)
     _corners(faces, face)
-    ring = np.full(1 << int(cache).bit_length(), -1, np.int32)
-    _greedy(vertex, face, rows.start, rows.triangles, cache, costs, ring, np.empty(_STACK, np.int32), source)
+    ring = np.full(1 << cache.bit_length(), _NONE)
+    table = np.full((cache, LEFT + 1, OPEN), np.inf, np.float32)
+    table[:, 1:] = costs.transpose(0, 2, 1)
+    start, triangles = rows.start.view(np.uint32), rows.triangles.view(np.uint32)
+    _greedy(vertex, face, start, triangles, cache, table, ring, np.empty(_STACK, np.uint32), source)
     return source

@@ -1,7 +1,8 @@
 """Look-ahead: a beam of greedy orders kept side by side.
 
 A greedy order judges the next fan by what it costs now; what it leaves behind is paid for later. Here `width` partial orders are kept, each is
-continued by its few most promising foci, and the best `width` of all continuations go on. Two that have drawn the same triangles count once.
+continued by two foci, and the best `width` of all continuations go on. Two that have drawn the same triangles count once. The foci are those of two
+costs: where one is caught in a bad habit, such as strips a little too wide for the cache, the other leads out.
 
 An order is judged by what it will have cost in the end. Every vertex is loaded once; each time one is dropped with triangles left, it must be
 loaded once more. So the vertices dropped alive are counted, and for every live vertex in the cache the chance that it will be dropped alive is
@@ -26,7 +27,8 @@ from luxel.layout.greedy import LEFT, OPEN, VALENCE
 _FAN = 8
 """Vertices loaded before a fan is left."""
 _DRAWN = 100
-_BRANCHES = 2
+_MOST_LEFT, _MOST_OPEN = np.uint64(LEFT), np.uint64(OPEN - 1)
+_NONE, _NOWHERE = np.uint32(0xFFFFFFFF), np.uint16(0xFFFF)
 _STACK = 4096
 RATE = 0.1
 """Vertices lost for each triangle of a good order."""
@@ -34,7 +36,7 @@ LIMIT = 256
 """Triangles of the window at which it is swept."""
 WIDTH, DEPTH = 4, 64
 SEARCH_WEIGHTS = (1.0, 0.5, 0.7, 1.0)
-"""Of the greedy cost (`lin-yu`) by which an order's foci are chosen."""
+"""Of `lin-yu`, by whose cost one of an order's two foci is chosen; the other is that of `greedy`."""
 
 
 class Whole(NamedTuple):
@@ -123,7 +125,7 @@ def _place_vertex(v, whole, window, orders, cache):
     """The place of vertex v, a new one if it has none. No order has loaded it, nor a neighbour by an undrawn triangle, so all see it alike."""
     p = whole.vertex_place[v]
     if p >= 0:
-        return np.int64(p)
+        return np.uint32(p)
     p = window.size[1]
     window.size[1] = p + 1
     whole.vertex_place[v] = p
@@ -133,7 +135,7 @@ def _place_vertex(v, whole, window, orders, cache):
         orders.left[s, p] = left
         orders.open[s, p] = 2 * left
         orders.stamp[s, p] = -cache
-    return np.int64(p)
+    return np.uint32(p)
 
 
 @jit.part
@@ -144,7 +146,7 @@ def _know(p, whole, window, orders, cache):
     if window.size[0] + VALENCE > len(window.triangles) or window.size[1] + 2 * VALENCE > len(window.vertices):
         return False
     v = window.vertices[p]
-    for i in range(whole.start[v], whole.start[v + 1]):
+    for i in range(whole.start[v], whole.start[v + np.uint32(1)]):
         t = whole.rows[i]
         if whole.drawn[t] or whole.triangle_place[t] >= 0:
             continue
@@ -217,24 +219,24 @@ def _draw(s, t, cache, window, orders):
 
 @jit.inlined
 def _push(s, p, keep, cache, whole, window, orders):
-    """Order s loads the vertex at p, draws `keep` (-1: none), drops the oldest vertex and draws what it can; False if the window is full."""
+    """Order s loads the vertex at p, draws `keep` (or _NONE), drops the oldest vertex and draws what it can; False if the window is full."""
     if not _know(p, whole, window, orders, cache):
         return False
-    mask = orders.ring.shape[1] - 1
+    mask = np.uint64(orders.ring.shape[1] - 1)
     now = orders.now[s] + 1
     orders.now[s] = now
-    old = np.int64(orders.ring[s, (now - cache) & mask])
-    orders.ring[s, now & mask] = p
+    old = orders.ring[s, np.uint64(now - cache) & mask]
+    orders.ring[s, np.uint64(now) & mask] = p
     orders.stamp[s, p] = now
     _shift(s, p, 1, window, orders)
-    if keep >= 0:
+    if keep != _NONE:
         _draw(s, keep, cache + 1, window, orders)
-    if old >= 0 and orders.left[s, old] > 0:
+    if old != _NOWHERE and orders.left[s, old] > 0:
         _shift(s, old, -1, window, orders)
         orders.lost[s] += 1
     if orders.left[s, p] > 0:
         for i in range(window.counts[p]):
-            t = window.rows[p, i]
+            t = np.uint32(window.rows[p, i])
             if orders.held[s, t] == 3:
                 _draw(s, t, cache, window, orders)
     return True
@@ -243,43 +245,41 @@ def _push(s, p, keep, cache, whole, window, orders):
 @jit.inlined
 def _best_triangle(s, p, window, orders):
     """The undrawn triangle of the vertex at p with most corners in the cache; the one whose other corner there is oldest, of equals."""
-    best, most, oldest = -1, -1, 0
+    best, rank = _NONE, np.int64(-1) << 40
     for i in range(window.counts[p]):
-        t = np.int64(window.rows[p, i])
-        held = orders.held[s, t]
-        if held < 4 and held >= most:
-            stamp = np.int64(orders.now[s])
-            if held == 2:
-                stamp = -1
-                for corner in range(3):
-                    u = window.corners[t, corner]
-                    if u != p:
-                        stamp = max(stamp, np.int64(orders.stamp[s, u]))
-            if held > most or stamp < oldest:
-                best, most, oldest = t, np.int64(held), stamp
+        t = np.uint32(window.rows[p, i])
+        held = np.int64(orders.held[s, t])
+        if held < 4:
+            stamp = np.int64(-1)
+            for corner in range(3):
+                u = window.corners[t, corner]
+                stamp = max(stamp, np.int64(orders.stamp[s, u]) if u != p else np.int64(-1))
+            this = (held << 32) - stamp
+            best = t if this > rank else best
+            rank = max(this, rank)
     return best
 
 
 @jit.part
 def _fan(s, focus, cache, whole, window, orders):
     """Order s draws the triangles of the vertex at `focus`, until it is black or gone; False if the window is full."""
-    if orders.stamp[s, focus] <= orders.now[s] - cache and not _push(s, focus, -1, cache, whole, window, orders):
+    if orders.stamp[s, focus] <= orders.now[s] - cache and not _push(s, focus, _NONE, cache, whole, window, orders):
         return False
-    last = orders.now[s] + _FAN
-    while orders.left[s, focus] > 0 and orders.stamp[s, focus] > orders.now[s] - cache and orders.now[s] < last:
+    end = orders.now[s] + _FAN
+    while orders.left[s, focus] > 0 and orders.stamp[s, focus] > orders.now[s] - cache and orders.now[s] < end:
         t = _best_triangle(s, focus, window, orders)
-        wanted = -1
+        first, last = _NONE, _NONE
         for corner in range(3):
-            u = np.int64(window.corners[t, corner])
-            if orders.stamp[s, u] <= orders.now[s] - cache and u != wanted:
-                if wanted >= 0 and not _push(s, wanted, -1, cache, whole, window, orders):
-                    return False
-                wanted = u
-        keep = t if orders.held[s, t] < 4 else -1
-        if wanted >= 0 and orders.stamp[s, wanted] <= orders.now[s] - cache:
-            if not _push(s, wanted, keep, cache, whole, window, orders):
+            u = np.uint32(window.corners[t, corner])
+            if orders.stamp[s, u] <= orders.now[s] - cache and u != last:
+                first, last = last, u
+        if first != _NONE and not _push(s, first, _NONE, cache, whole, window, orders):
+            return False
+        keep = t if orders.held[s, t] < 4 else _NONE
+        if last != _NONE and orders.stamp[s, last] <= orders.now[s] - cache:
+            if not _push(s, last, keep, cache, whole, window, orders):
                 return False
-        elif keep >= 0:
+        elif keep != _NONE:
             _draw(s, keep, cache, window, orders)
     return True
 
@@ -287,36 +287,37 @@ def _fan(s, focus, cache, whole, window, orders):
 @jit.inlined
 def _risk(s, cache, risk, orders):
     """Sum over the live vertices of the cache of the chance to be dropped alive."""
-    mask, now = orders.ring.shape[1] - 1, orders.now[s]
+    mask, now = np.uint64(orders.ring.shape[1] - 1), np.uint64(orders.now[s])
     total = np.float32(0)
-    for age in range(min(cache, np.int64(now))):
+    for age in range(min(np.uint64(cache), now)):
         p = orders.ring[s, (now - age) & mask]
-        left = orders.left[s, p]
-        if left > 0:
-            total += risk[age, min(orders.open[s, p], OPEN - 1), min(left, LEFT) - 1]
+        left, opened = np.uint64(orders.left[s, p]), np.uint64(orders.open[s, p])
+        total += risk[age, min(left, _MOST_LEFT), min(opened, _MOST_OPEN)]
     return total
 
 
 @jit.inlined
-def _candidates(s, cache, costs, orders, chosen, price):
-    """The grey vertices of least cost, at most len(chosen); return how many."""
-    mask, now, count = orders.ring.shape[1] - 1, orders.now[s], 0
-    for age in range(min(cache, np.int64(now)) - 1, -1, -1):
-        p = orders.ring[s, (now - age) & mask]
-        left = orders.left[s, p]
-        if left > 0:
-            cost = costs[age, min(orders.open[s, p], OPEN - 1), min(left, LEFT) - 1]
-            if count == len(chosen):
-                if not cost < price[count - 1]:
-                    continue
-                count -= 1
-            i = count
-            while i > 0 and cost < price[i - 1]:
-                chosen[i], price[i] = chosen[i - 1], price[i - 1]
-                i -= 1
-            chosen[i], price[i] = p, cost
-            count += 1
-    return count
+def _candidates(s, cache, costs, other_costs, orders, chosen):
+    """Two foci: the grey vertex of least cost, and that of the other costs; the second of the first if they agree. Return how many there are."""
+    mask, now = np.uint64(orders.ring.shape[1] - 1), np.uint64(orders.now[s])
+    first, second, other = _NONE, _NONE, _NONE
+    least, next_least, other_least = np.float32(np.inf), np.float32(np.inf), np.float32(np.inf)
+    held = min(np.uint64(cache), now)
+    for k in range(held):
+        age = held - np.uint64(1) - k
+        p = np.uint32(orders.ring[s, (now - age) & mask])
+        left, opened = min(np.uint64(orders.left[s, p]), _MOST_LEFT), min(np.uint64(orders.open[s, p]), _MOST_OPEN)
+        cost, other_cost = costs[age, left, opened], other_costs[age, left, opened]
+        if cost < least:
+            second, next_least = first, least
+            first, least = p, cost
+        elif cost < next_least:
+            second, next_least = p, cost
+        other = p if other_cost < other_least else other
+        other_least = min(other_cost, other_least)
+    chosen[0] = first
+    chosen[1] = second if other == first else other
+    return (first != _NONE) + (second != _NONE)
 
 
 @jit.part
@@ -539,38 +540,24 @@ def _sweep(beam, count, cache, whole, window, orders, stack, cursors, vertex_to,
 
 
 @jit.kernel
-def _beam(whole, window, orders, tree, cache, width, depth, limit, rate, costs, risk, beam, following, scores, spare, chosen, price, tips, keep,
+def _beam(whole, window, orders, tree, cache, width, depth, limit, rate, costs, other_costs, risk, beam, following, scores, spare, chosen, tips, keep,
           stack, cursors, vertex_to, triangle_to, source):  # fmt: skip
     """Write the order into `source`."""
     m = len(whole.faces)
-    count, written = 1, 0
+    count, written, room, memory = 1, 0, limit, depth
     beam[0] = 0
     while orders.done[beam[0]] < m:
-        if window.size[0] > limit or tree.size[0] + width > len(tree.parent):
-            count = _shrink(beam, count, depth, spare, tree, orders)
+        if window.size[0] > room or tree.size[0] + width > len(tree.parent):
+            count = _shrink(beam, count, memory, spare, tree, orders)
             written = _commit(beam, count, tree, orders, tips, keep, source, written)
             _sweep(beam, count, cache, whole, window, orders, stack, cursors, vertex_to, triangle_to)
-        found = 0
-        for i in range(count):
-            s = beam[i]
-            some = _candidates(s, cache, costs, orders, chosen, price)
-            if some == 0 and orders.done[s] < m:
-                chosen[0] = _restart(s, cache, whole, window, orders, stack, cursors)
-                some = 1
-            for k in range(some):
-                c = spare[spare[0]]
-                spare[0] -= 1
-                _copy(s, c, window, orders)
-                if _fan(c, np.int64(chosen[k]), cache, whole, window, orders):
-                    score = orders.lost[c] - rate * orders.done[c] + _risk(c, cache, risk, orders)
-                    found = _insert(c, score, following, scores, found, width, orders, spare)
-                else:
-                    _release(c, spare, 0)
-        if found == 0:
-            count = _shrink(beam, count, 0, spare, tree, orders)
-            written = _commit(beam, count, tree, orders, tips, keep, source, written)
-            _sweep(beam, count, cache, whole, window, orders, stack, cursors, vertex_to, triangle_to)
+            room = max(limit, 2 * window.size[0])
+        found = _step(beam, count, cache, width, rate, costs, other_costs, risk, whole, window, orders, following, scores, spare, chosen, stack,
+                      cursors)  # fmt: skip
+        if found < 0:  # the window is full: the orders have to agree sooner
+            memory, room = memory // 2, 0
             continue
+        memory = depth
         _grow(tree, orders, following, found)
         for i in range(count):
             _release(beam[i], spare, 0)
@@ -581,6 +568,30 @@ def _beam(whole, window, orders, tree, cache, width, depth, limit, rate, costs, 
             if orders.done[beam[i]] == m:
                 beam[0], beam[i] = beam[i], beam[0]
     return _commit(beam, 1, tree, orders, tips, keep, source, written)
+
+
+@jit.part
+def _step(beam, count, cache, width, rate, costs, other_costs, risk, whole, window, orders, following, scores, spare, chosen, stack, cursors):
+    """Continue every order by its best foci; the best of what comes of it are `following`. Return how many, or -1 if the window is full."""
+    found = 0
+    for i in range(count):
+        s = beam[i]
+        some = _candidates(s, cache, costs, other_costs, orders, chosen)
+        if some == 0:
+            chosen[0] = _restart(s, cache, whole, window, orders, stack, cursors)
+            some = 1
+        for k in range(some):
+            c = spare[spare[0]]
+            spare[0] -= 1
+            _copy(s, c, window, orders)
+            if not _fan(c, chosen[k], cache, whole, window, orders):
+                _release(c, spare, 0)
+                for j in range(found):
+                    _release(following[j], spare, 0)
+                return -1
+            score = orders.lost[c] - rate * orders.done[c] + _risk(c, cache, risk, orders)
+            found = _insert(c, score, following, scores, found, width, orders, spare)
+    return found
 
 
 @jit.part
@@ -617,22 +628,23 @@ def risk_table(cache: int) -> Array:
     return np.ascontiguousarray(np.where(c1 > remaining, 1.0, np.where(c1 > 0, chance, 0.0)), np.float32)
 
 
-def _scratch(faces: Array, rows: Adjacency, cache: int, width: int) -> tuple[Whole, Window, Orders, Tree]:
+def _scratch(faces: Array, rows: Adjacency, cache: int, width: int, depth: int) -> tuple[Whole, Window, Orders, Tree]:
     """What a beam works on, with one order that has drawn nothing."""
     n, m = len(rows.start) - 1, len(faces)
-    t = 1 << (max(2048, 2 * (cache + 3 * _FAN) * VALENCE).bit_length() - 1)
-    v, slots, fans = 2 * t, 2 * width + 2, max(1024, 64 * width)
-    short, word = np.int16, np.int32
+    t = min(8192, 1 << max(2048, 2 * (cache + 3 * _FAN) * VALENCE, 4 * width * depth).bit_length())
+    v, slots, fans = 2 * t, 2 * width + 2, 1024 + 4 * width * depth
+    short, word = np.uint16, np.int32
     whole = Whole(
-        faces, rows.start, rows.triangles, np.diff(rows.start), np.zeros(m, np.uint8), np.full(n, -1, word), np.full(m, -1, word)
+        faces=faces.view(np.uint32), start=rows.start.view(np.uint32), rows=rows.triangles.view(np.uint32), left=np.diff(rows.start),
+        drawn=np.zeros(m, np.uint8), vertex_place=np.full(n, -1, word), triangle_place=np.full(m, -1, word),
     )  # fmt: skip
     window = Window(
-        corners=np.empty((t, 3), short), triangles=np.empty(t, word), vertices=np.empty(v, word), rows=np.empty((v, VALENCE), short),
+        corners=np.empty((t, 3), short), triangles=np.empty(t, np.uint32), vertices=np.empty(v, np.uint32), rows=np.empty((v, VALENCE), short),
         counts=np.empty(v, short), known=np.empty(v, np.uint8), size=np.zeros(2, np.int64),
     )  # fmt: skip
     orders = Orders(
         held=np.empty((slots, t), short), left=np.empty((slots, v), short), open=np.empty((slots, v), short), stamp=np.empty((slots, v), word),
-        ring=np.full((slots, 1 << cache.bit_length()), -1, short), now=np.zeros(slots, word), lost=np.zeros(slots, word),
+        ring=np.full((slots, 1 << cache.bit_length()), _NOWHERE, short), now=np.zeros(slots, word), lost=np.zeros(slots, word),
         done=np.zeros(slots, word), mark=np.zeros(slots, np.uint64), node=np.zeros(slots, word),
         fresh=np.empty((slots, (_FAN + 2) * VALENCE), word), fresh_count=np.zeros(slots, word),
     )  # fmt: skip
@@ -640,17 +652,26 @@ def _scratch(faces: Array, rows: Adjacency, cache: int, width: int) -> tuple[Who
     return whole, window, orders, tree
 
 
-def look_ahead(faces: Array, rows: Adjacency, cache: int, width: int, depth: int, costs: Array, risk: Array) -> Array:
+def _by_left(table: Array, black: float) -> Array:
+    """(cache, LEFT + 1, OPEN) float32: `table` with its last two axes exchanged, and a row for vertices that have none left."""
+    turned = np.full((len(table), LEFT + 1, OPEN), black, np.float32)
+    turned[:, 1:] = table.transpose(0, 2, 1)
+    return turned
+
+
+def look_ahead(faces: Array, rows: Adjacency, cache: int, width: int, depth: int, costs: Array, other_costs: Array, risk: Array) -> Array:
     """(m,) int32: the triangles in the best order that a beam of `width` greedy orders finds for a FIFO of `cache` vertices."""
     faces, rows = bounded(faces, rows, VALENCE)
-    whole, window, orders, tree = _scratch(faces, rows, cache, width)
+    whole, window, orders, tree = _scratch(faces, rows, cache, width, depth)
     slots, source = len(orders.now), np.empty(len(faces), np.int32)
-    spare = np.arange(slots)  # the first counts the others
+    spare = np.arange(slots, dtype=np.uint32)  # the first counts the others
     spare[0] = slots - 1
-    beam, following, tips, chosen, cursors = (np.zeros(k, np.int64) for k in (slots, slots, slots, _BRANCHES, 2))
+    beam, following, chosen = (np.zeros(k, np.uint32) for k in (slots, slots, 2))
+    tips, cursors = np.zeros(slots, np.int64), np.zeros(2, np.int64)
+    tables = _by_left(costs, np.inf), _by_left(other_costs, np.inf), _by_left(risk, 0)
     _beam(
-        whole, window, orders, tree, cache, width, depth, LIMIT, RATE, costs, risk, beam, following, np.zeros(slots), spare, chosen,
-        np.zeros(_BRANCHES, np.float32), tips, np.zeros(len(tree.parent), np.int64), np.zeros(_STACK, np.int32), cursors,
+        whole, window, orders, tree, cache, width, depth, LIMIT, RATE, *tables, beam, following, np.zeros(slots), spare, chosen,
+        tips, np.zeros(len(tree.parent), np.int64), np.zeros(_STACK, np.int32), cursors,
         np.zeros(len(window.vertices), np.int32), np.zeros(len(window.triangles), np.int32), source,
     )  # fmt: skip
     return source

@@ -22,58 +22,61 @@ PART = 1 << 17
 
 
 @jit.part
-def _seed(region, start, rows, placed, border, ends, cursor):
+def _seed(start, rows, placed, border, ends, cursor):
     """A vertex with triangles that are in no part yet: the one that has waited longest at some border, else the next of the input."""
     while ends[0] < ends[1]:
         v = border[ends[0]]
         ends[0] += 1
-        for i in range(start[v], start[v + 1]):
-            if not placed[rows[i]]:
-                return np.int64(v)
-    v = cursor[0]
+        for i in range(start[v], start[v + np.uint32(1)]):
+            if placed[rows[i]] == 0:
+                return v
+    v = np.uint32(cursor[0])
     while True:
-        for i in range(start[v], start[v + 1]):
-            if not placed[rows[i]]:
+        for i in range(start[v], start[v + np.uint32(1)]):
+            if placed[rows[i]] == 0:
                 cursor[0] = v
                 return v
-        v += 1
+        v = np.uint32(v + 1)
 
 
 @jit.kernel
 def _regions(faces, start, rows, size, queue, border, seen, placed, members):
-    """Write the triangles region after region into `members`; `queue` and `border` (n,) are scratch, `seen` (n,) and `placed` (m,) hold 0."""
+    """Write the triangles region after region into `members`; `queue` and `border` (n,) are scratch, `seen` (n,) and `placed` (m,) hold 0.
+
+    All arrays are unsigned (see `luxel.layout.greedy`).
+    """
     m = len(faces)
     ends, cursor = np.zeros(2, np.int64), np.zeros(1, np.int64)
-    done, region = 0, 0
+    one, done, region = np.uint64(1), np.uint64(0), 0
     while done < m:
         region += 1
-        end = min(m, region * size)
-        first, last = 0, 0
+        end = np.uint64(min(m, region * size))
+        first, last = np.uint64(0), np.uint64(0)
         while done < end:
             if first == last:
-                v = _seed(region, start, rows, placed, border, ends, cursor)
+                v = _seed(start, rows, placed, border, ends, cursor)
                 if last == len(queue):
-                    first = last = 0
+                    first = last = np.uint64(0)
                 seen[v] = region
                 queue[last] = v
-                last += 1
-            v = np.int64(queue[first])
-            first += 1
-            for i in range(start[v], start[v + 1]):
+                last += one
+            v = queue[first]
+            first += one
+            for i in range(start[v], start[v + np.uint32(1)]):
                 t = rows[i]
                 if placed[t]:
                     continue
-                placed[t] = True
+                placed[t] = 1
                 members[done] = t
-                done += 1
+                done += one
                 for corner in range(3):
                     u = faces[t, corner]
                     if seen[u] != region:
                         seen[u] = region
                         queue[last] = u
-                        last += 1
+                        last += one
                 if done == end:
-                    first -= 1  # the rest of its triangles wait with it
+                    first -= one  # the rest of its triangles wait with it
                     break
         if ends[0] == ends[1]:
             ends[0] = ends[1] = 0
@@ -86,18 +89,19 @@ def _regions(faces, start, rows, size, queue, border, seen, placed, members):
 
 @jit.kernel
 def _compact(faces, members, number, inside, vertices):
-    """Write the faces of a part with its own vertex numbers into `inside`; `number` (n,) holds -1, and again at the end. Return their count."""
-    count = 0
-    for i in range(len(members)):
+    """Write the faces of a part with its own vertex numbers into `inside`; `number` (n,) holds 0, and again at the end. Return their count."""
+    count = np.uint32(0)
+    for i in range(np.uint64(len(members))):
+        t = members[i]
         for corner in range(3):
-            v = faces[members[i], corner]
-            if number[v] < 0:
-                number[v] = count
+            v = faces[t, corner]
+            if number[v] == 0:
                 vertices[count] = v
-                count += 1
-            inside[i, corner] = number[v]
+                count = np.uint32(count + 1)
+                number[v] = count
+            inside[i, corner] = number[v] - 1
     for i in range(count):
-        number[vertices[i]] = -1
+        number[vertices[i]] = 0
     return count
 
 
@@ -109,9 +113,10 @@ def part_size(count: int, most: int | None = None) -> int:
 
 def regions(faces: Array, rows: Adjacency, size: int) -> Array:
     """(m,) int32: the triangles, region after region of `size` each (the last may be smaller)."""
-    n, m = len(rows.start) - 1, len(faces)
+    n, m, word = len(rows.start) - 1, len(faces), np.uint32
     members = np.empty(m, np.int32)
-    _regions(faces, *rows, size, np.empty(n, np.int32), np.empty(n, np.int32), np.zeros(n, np.int32), np.zeros(m, np.bool_), members)
+    arrays = (array.view(word) for array in (faces, rows.start, rows.triangles))
+    _regions(*arrays, size, np.empty(n, word), np.empty(n, word), np.zeros(n, word), np.zeros(m, np.uint8), members.view(word))
     return members
 
 
@@ -135,7 +140,7 @@ def in_parts(faces: Array, rows: Adjacency, size: int, threads: int, work: Calla
     lock, done, todo = threading.Lock(), [0], iter(range(parts))
 
     def worker(_queue: Any) -> None:
-        number = np.full(len(rows.start) - 1, -1, np.int32)
+        number = np.zeros(len(rows.start) - 1, np.uint32)
         while True:
             with lock:
                 k = next(todo, None)
@@ -143,7 +148,8 @@ def in_parts(faces: Array, rows: Adjacency, size: int, threads: int, work: Calla
                 return
             mine = members[k * size : (k + 1) * size]
             inside = np.empty((len(mine), 3), np.int32)
-            count = int(_compact(faces, mine, number, inside, np.empty(3 * len(mine), np.int32)))
+            arrays = (array.view(np.uint32) for array in (faces, mine))
+            count = int(_compact(*arrays, number, inside.view(np.uint32), np.empty(3 * len(mine), np.uint32)))
             source[k * size : k * size + len(mine)] = mine[work(inside, adjacency(inside, count))]
             with lock:
                 done[0] += len(mine)

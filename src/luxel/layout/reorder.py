@@ -14,8 +14,9 @@ from luxel.errors import InputError
 from luxel.layout import batch
 from luxel.layout.adjacency import Adjacency, adjacency
 from luxel.layout.cache import POLICIES, misses
-from luxel.layout.checks import SMALLEST_CACHE, checked_cache, checked_triangles, checked_weights, positive, whole
+from luxel.layout.checks import MOST_INDICES, SMALLEST_CACHE, checked_cache, checked_triangles, checked_weights, positive, whole
 from luxel.layout.forsyth import forsyth
+from luxel.layout.gather import gather
 from luxel.layout.greedy import cost_table, greedy
 from luxel.layout.lookahead import DEPTH, SEARCH_WEIGHTS, WIDTH, look_ahead, risk_table
 from luxel.layout.partition import in_parts, part_size
@@ -51,27 +52,6 @@ class Ordered:
     trials: tuple[Trial, ...]
 
 
-@jit.kernel
-def _gather(faces, source, cache, stamp, triangles):
-    """The triangles in the order of `source`, turned so that what a FIFO holds is looked up before what it must load."""
-    pushed = 0
-    for i in range(len(source)):
-        t = source[i]
-        a, b, c = faces[t, 0], faces[t, 1], faces[t, 2]
-        in_a, in_b, in_c = pushed - stamp[a] < cache, pushed - stamp[b] < cache, pushed - stamp[c] < cache
-        if (in_b and not in_a) or (in_b and in_c and not in_a):
-            a, b, c, in_a, in_b, in_c = b, c, a, in_b, in_c, in_a
-        elif in_c and not (in_a and in_b):
-            a, b, c, in_a, in_b, in_c = c, a, b, in_c, in_a, in_b
-        triangles[i, 0], triangles[i, 1], triangles[i, 2] = a, b, c
-        for corner in range(3):
-            v = triangles[i, corner]
-            if pushed - stamp[v] >= cache:
-                pushed += 1
-                stamp[v] = pushed
-    return pushed
-
-
 @dataclass
 class _Job:
     """A mesh, what to order it for, and what the orders share."""
@@ -88,6 +68,11 @@ class _Job:
     threads: int = 1
     progress: Callable[[int, int], None] | None = None
     _rows: Adjacency | None = None
+
+    @property
+    def is_fifo(self) -> bool:
+        """Whether the target is a plain FIFO, which the orders count themselves."""
+        return self.policy == "fifo" and not self.model
 
     @property
     def modelled(self) -> int:
@@ -109,13 +94,6 @@ class _Job:
         missed = batch.misses(triangles, self.model, self.vertices) if self.model else misses(triangles, self.cache, self.policy, self.vertices)
         return int(missed.sum(dtype=np.int64)) / len(triangles)
 
-    def gather(self, source: Array) -> Array:
-        triangles = np.empty_like(self.faces)
-        cache = min(self.cache, len(self.faces) * 3 + 3)  # nothing leaves so large a cache
-        _gather(self.faces, source, cache, np.full(self.vertices, -cache, np.int32), triangles)
-        return triangles
-
-
     def in_parts(self, work: Callable[[Array, Adjacency], Array]) -> Array:
         return in_parts(self.faces, self.rows, part_size(len(self.faces)), self.threads, work, self.progress)
 
@@ -126,22 +104,22 @@ def _greedy(job: _Job, name: str) -> Array:
 
 
 def _look_ahead(job: _Job) -> Array:
-    costs, risk = cost_table("lin-yu", SEARCH_WEIGHTS, job.modelled), risk_table(job.modelled)
-    return job.in_parts(lambda faces, rows: look_ahead(faces, rows, job.modelled, job.width, job.depth, costs, risk))
+    k = job.modelled
+    costs, others, risk = cost_table("lin-yu", SEARCH_WEIGHTS, k), cost_table("greedy", None, k), risk_table(k)
+    return job.in_parts(lambda faces, rows: look_ahead(faces, rows, k, job.width, job.depth, costs, others, risk))
 
 
 _MADE: dict[str, Callable[[_Job], Array]] = {
     "file": lambda job: np.arange(len(job.faces), dtype=np.int32),
     "random": lambda job: shuffled(len(job.faces)),
     "morton": lambda job: morton(job.faces, job.positions, job.vertices),
-    "tipsify": lambda job: tipsify(job.faces, job.rows, min(job.cache, 3 * len(job.faces) + 3)),
     "forsyth": lambda job: forsyth(job.faces, job.rows),
     "greedy": lambda job: _greedy(job, "greedy"),
     "lin-yu": lambda job: _greedy(job, "lin-yu"),
     "greedy-2016": lambda job: _greedy(job, "greedy-2016"),
     "look-ahead": _look_ahead,
 }
-ORDERS = (*_MADE, "auto")
+ORDERS = (*_MADE, "tipsify", "auto")
 LARGEST_CACHE, BATCH_CACHE = 128, 11
 MOST_WIDTH = 64
 PER_WIDTH = 2.5
@@ -194,11 +172,23 @@ def order(triangles: object, vertex_count: int | None = None, order: str = "auto
     return _best([_try(job, order)])
 
 
+def _drawn(job: _Job, name: str, source: Array) -> tuple[Array, float]:
+    """The triangles in the order of `source`, turned for the target, and their misses per triangle on it."""
+    if name == "file":
+        return job.faces, job.score(job.faces)
+    triangles, loads = gather(job.faces, source, job.vertices, job.cache)
+    return triangles, loads / len(source) if job.is_fifo else job.score(triangles)
+
+
 def _try(job: _Job, name: str) -> tuple[Trial, Array, Array]:
     began = time.perf_counter()
-    source = _MADE[name](job)
-    drawn = job.faces if name == "file" else job.gather(source)
-    return Trial(name, job.score(drawn), time.perf_counter() - began), drawn, source
+    if name == "tipsify":  # turns its triangles itself
+        source, drawn, loads = tipsify(job.faces, job.rows, min(job.cache, MOST_INDICES // 2, 3 * len(job.faces) + 3))
+        acmr = loads / len(source) if job.is_fifo else job.score(drawn)
+    else:
+        source = _MADE[name](job)
+        drawn, acmr = _drawn(job, name, source)
+    return Trial(name, acmr, time.perf_counter() - began), drawn, source
 
 
 def _auto(job: _Job, seconds: float | None) -> Ordered:

@@ -11,63 +11,73 @@ import numpy as np
 from luxel import jit
 from luxel.arrays import Array
 from luxel.layout.adjacency import Adjacency
+from luxel.layout.gather import turned
+
+_STAMP, _LEFT = 0, 1
+_NONE = np.uint32(0xFFFFFFFF)
 
 
 @jit.part
-def _next_of_fan(recent, first, last, live, stamp, now, cache):
-    """The vertex of the last fan with most of its time in the cache gone, among those that can be finished in time; -1 if none has triangles."""
-    best, most = -1, -1
+def _next_of_fan(recent, first, last, vertex, now, cache):
+    """The vertex of the last fan with most of its time in the cache gone, among those that can be finished in time; _NONE if none has triangles."""
+    best, most = _NONE, np.int64(-1)
     for i in range(first, last):
         v = recent[i]
-        left = live[v]
-        if left > 0:
-            age = now - stamp[v]
-            priority = age if age + 2 * left <= cache else 0
-            if priority > most:
-                best, most = v, priority
+        left, age = np.int64(vertex[v, _LEFT]), now - vertex[v, _STAMP]
+        priority = age if age + 2 * left <= cache else np.int64(0)
+        priority = priority if left > 0 else np.int64(-1)
+        best = v if priority > most else best
+        most = max(priority, most)
     return best
 
 
 @jit.kernel
-def _tipsify(faces, start, rows, cache, live, stamp, drawn, recent, source):
-    """Write the order into `source`; `live` (n,) and `stamp` (n,) hold 0, `drawn` (m,) False, `recent` (3 m,) is scratch."""
-    n = len(live)
+def _tipsify(faces, start, rows, cache, vertex, drawn, recent, source, triangles):
+    """Write the order into `source` and `triangles`; return the loads of a FIFO of `cache`.
+
+    `vertex` (n, 2) and `recent` (3 m,) are scratch, `drawn` (m,) holds 0. All arrays are unsigned.
+    """
+    n, m = len(vertex), len(faces)
     for v in range(n):
-        live[v] = start[v + 1] - start[v]
-    now, done, seen, cursor = cache + 1, 0, 0, 0
-    focus = -1
-    while True:
-        if focus < 0:
-            while cursor < n and live[cursor] == 0:
-                cursor += 1
-            if cursor == n:
-                return done
-            focus = cursor
+        vertex[v, _STAMP], vertex[v, _LEFT] = 0, start[v + 1] - start[v]
+    now, done, seen, cursor = np.int64(cache), np.uint64(0), np.uint64(0), np.uint64(0)
+    one, focus = np.uint64(1), _NONE
+    while done < m:
+        if focus == _NONE:
+            while vertex[cursor, _LEFT] == 0:
+                cursor += one
+            focus = np.uint32(cursor)
         first = seen
-        for i in range(start[focus], start[focus + 1]):
+        for i in range(start[focus], start[focus + np.uint32(1)]):
             t = rows[i]
-            if not drawn[t]:
-                drawn[t] = True
+            if drawn[t] == 0:
+                drawn[t] = 1
                 source[done] = t
-                done += 1
+                a, b, c = faces[t, 0], faces[t, 1], faces[t, 2]
+                a, b, c, _ = turned(a, b, c, now - vertex[a, _STAMP] >= cache, now - vertex[b, _STAMP] >= cache, now - vertex[c, _STAMP] >= cache)
+                triangles[done, 0], triangles[done, 1], triangles[done, 2] = a, b, c
                 for corner in range(3):
-                    v = faces[t, corner]
-                    recent[seen] = v
-                    seen += 1
-                    live[v] -= 1
-                    if now - stamp[v] > cache:
-                        stamp[v] = now
+                    v = triangles[done, corner]
+                    vertex[v, _LEFT] -= 1
+                    if now - vertex[v, _STAMP] >= cache:
                         now += 1
-        focus = _next_of_fan(recent, first, seen, live, stamp, now, cache)
-        while focus < 0 and seen > 0:
-            seen -= 1
-            if live[recent[seen]] > 0:
+                        vertex[v, _STAMP] = now
+                    if v != focus:
+                        recent[seen] = v
+                        seen += one
+                done += one
+        focus = _next_of_fan(recent, first, seen, vertex, now, cache)
+        while focus == _NONE and seen > 0:
+            seen -= one
+            if vertex[recent[seen], _LEFT] > 0:
                 focus = recent[seen]
+    return now - cache
 
 
-def tipsify(faces: Array, rows: Adjacency, cache: int) -> Array:
-    """(m,) int32: the triangles in Tipsify's order for a FIFO of `cache` vertices."""
+def tipsify(faces: Array, rows: Adjacency, cache: int) -> tuple[Array, Array, int]:
+    """Tipsify's order for a FIFO of `cache` vertices: (m,) int32 which triangles, (m, 3) int32 the triangles, turned, and the loads."""
     n, m = len(rows.start) - 1, len(faces)
-    source = np.empty(m, np.int32)
-    _tipsify(faces, *rows, cache, np.empty(n, np.int32), np.zeros(n, np.int32), np.zeros(m, np.bool_), np.empty(3 * m, np.int32), source)
-    return source
+    source, triangles, word = np.empty(m, np.int32), np.empty((m, 3), np.int32), np.uint32
+    arrays = (array.view(word) for array in (faces, rows.start, rows.triangles))
+    scratch = np.empty((n, 2), word), np.zeros(m, np.uint8), np.empty(3 * m, word)
+    return source, triangles, int(_tipsify(*arrays, cache, *scratch, source.view(word), triangles.view(word)))

@@ -178,7 +178,7 @@ def _figure(report: Report, rows: list[dict[str, Any]]) -> None:
     """One plot: a colour a family, a marker a scene."""
     names = list(dict.fromkeys(row["scene"] for row in rows))
     families = list(dict.fromkeys(row["family"] for row in rows if "time, ms" in row))
-    with report.figure("tradeoff", "Error against time", "Lower left is better. Lines join the modes of a family on one scene.", (8.5, 6.0)) as axes:
+    with report.figure("tradeoff", "Error against time", "Lower left is better. Lines join the modes of a family on one scene.", (10.0, 6.0)) as axes:
         for k, family in enumerate(families):
             for name, marker in zip(names, "o^sD", strict=False):
                 chosen = [row for row in rows if row["scene"] == name and row["family"] == family and "time, ms" in row]

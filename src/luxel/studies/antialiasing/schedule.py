@@ -166,13 +166,29 @@ class Team:
         return last - min(start for start, _ in times), [last - end for _, end in times]
 
 
-def draw(screen: Screen, size: int, way: str, team: Team) -> tuple[Frame, float, list[float]]:
+class Buffers(NamedTuple):
+    """A frame, and (m, 4, h, w) planes of what each child-point sees of each triangle: made once, since touching new memory takes its time."""
+
+    frame: Frame
+    covered: Array
+    nearest: Array
+
+    @classmethod
+    def of(cls, screen: Screen, size: int) -> Buffers:
+        """For frames of `size` x `size`."""
+        frame = Frame(np.zeros((size, size, 3), np.uint8), np.zeros((size, size), np.float32))
+        planes = (len(screen.corners), 4, size, size)
+        return cls(frame, np.zeros(planes, np.uint8), np.zeros(planes, np.float32))
+
+
+def draw(screen: Screen, size: int, way: str, team: Team, buffers: Buffers | None = None) -> tuple[Frame, float, list[float]]:
     """Draw one frame in one of WAYS: the frame, the seconds it took, and the seconds each thread was idle."""
-    frame = Frame(np.empty((size, size, 3), np.uint8), np.empty((size, size), np.float32))
+    buffers = buffers or Buffers.of(screen, size)
+    frame = buffers.frame
     pattern = sample_pattern(4, "grid").astype(np.int64)
     slabs = [_bands(size, team.threads)[k : k + 1] for k in range(team.threads)]
     if way == "static by child-point":
-        return _by_samples(screen, size, team, frame, pattern, slabs)
+        return _by_samples(screen, team, buffers, pattern, slabs)
     if way == "static by row":
         seconds, idle = team.all_do(lambda k: _draw(np.zeros(1, np.int64), slabs[k], *screen, pattern, *frame))
     else:
@@ -182,9 +198,8 @@ def draw(screen: Screen, size: int, way: str, team: Team) -> tuple[Frame, float,
     return frame, seconds, idle
 
 
-def _by_samples(screen: Screen, size: int, team: Team, frame: Frame, pattern: Array, slabs: list[Array]) -> tuple[Frame, float, list[float]]:
-    planes = (len(screen.corners), 4, size, size)
-    covered, nearest = np.empty(planes, np.uint8), np.empty(planes, np.float32)
+def _by_samples(screen: Screen, team: Team, buffers: Buffers, pattern: Array, slabs: list[Array]) -> tuple[Frame, float, list[float]]:
+    frame, covered, nearest = buffers
     shares = [np.arange(k, 4, team.threads)[:, None] for k in range(team.threads)]
     first, idle = team.all_do(lambda k: _draw_samples(np.zeros(1, np.int64), shares[k], screen.corners, screen.depths, pattern, covered, nearest))
     second, more = team.all_do(lambda k: _join_samples(np.zeros(1, np.int64), slabs[k], screen.colors, covered, nearest, *frame))
@@ -243,9 +258,10 @@ def _measured(context: Context) -> tuple[list[dict[str, Any]], list[dict[str, An
 def _alternated(screen: Screen, size: int, cases: list[tuple[str, int]], teams: dict[int, Team], repeats: int) -> tuple[Any, Any]:
     """Medians of the seconds and of the idle times of each case, run in turns."""
     taken: dict[tuple[str, int], list[tuple[float, list[float]]]] = {case: [] for case in cases}
+    buffers = Buffers.of(screen, size)
     for turn in range(repeats + 1):
         for way, threads in cases:
-            _, seconds, idle = draw(screen, size, way, teams[threads])
+            _, seconds, idle = draw(screen, size, way, teams[threads], buffers)
             if turn:  # the first compiles
                 taken[way, threads].append((seconds, idle))
     typical = {case: statistics.median(t for t, _ in runs) for case, runs in taken.items()}
@@ -255,15 +271,15 @@ def _alternated(screen: Screen, size: int, cases: list[tuple[str, int]], teams: 
 def _figure(report: Report, rows: list[dict[str, Any]]) -> None:
     from luxel.studies.report import published
 
-    with report.figure("schedule", "Speed-up over one thread, large triangle") as axes:
+    with report.figure("schedule", "Speed-up over one thread, large triangle", size=(9.0, 4.2)) as axes:
         ours = [row for row in rows if row["source"] == HERE and row["triangle"] == "large"]
         most = max((row["threads"] for row in ours), default=0)
         ours = [row for row in ours if row["threads"] == most]
         for way in WAYS:
-            axes.plot([r["size"] for r in ours], [r["serial, ms"] / r[f"{way}, ms"] for r in ours], "o-", label=f"{way}, {most} threads")
+            axes.plot([r["size"] for r in ours], [r["serial, ms"] / r[f"{way}, ms"] for r in ours], "o-", label=f"{way}, {most} threads here")
         theirs = [row for row in rows if row["source"] == PAPER and row["triangle"] == "large"]
         for way in WAYS[:2]:
-            published(axes, [r["size"] for r in theirs], [r["serial, ms"] / r[f"{way}, ms"] for r in theirs], f"{way}, 4 threads, {PAPER}")
+            published(axes, [r["size"] for r in theirs], [r["serial, ms"] / r[f"{way}, ms"] for r in theirs], f"{way}, 4 threads")
         axes.set_xlabel("pixels a side")
         axes.set_ylabel("serial time / time")
 
