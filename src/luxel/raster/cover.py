@@ -21,7 +21,6 @@ from luxel.arrays import Array
 from luxel.jit import bits_float
 from luxel.raster.bin import Bins, Clipped
 from luxel.raster.constants import NOTHING
-from luxel.raster.edge import edges
 from luxel.raster.lanes import LANES, draw_inside, draw_span
 from luxel.raster.setup import (
     A0,
@@ -52,41 +51,17 @@ from luxel.raster.setup import (
     SPAN_RIGHT,
     STEP_X,
     STEP_Y,
-    X0,
-    X1,
-    X2,
-    Y0,
-    Y1,
-    Y2,
     T,
+    find_spans,
     load_batch,
     place_batch,
     set_up_batch,
 )  # fmt: skip
 
 _I, _F = np.int32, np.float32
-_BEYOND = 1e6  # pixels; right of every tile
 
 BEHIND = np.float32(-1.0)
 """Depth where there is nothing: farther than 0, which is the far plane of an orthographic camera, and drawn."""
-
-
-@jit.inlined
-def load(t, triangles, screen, screen_f, clipped_screen, clipped_f):
-    """Corners of drawn triangle `t`: x0 y0 z0 x1 y1 z1 x2 y2 z2, fixed point int64 and float32 depths."""
-    m = len(triangles)
-    if t < m:
-        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-        return (
-            np.int64(screen[a, 0]), np.int64(screen[a, 1]), screen_f[a, 2], np.int64(screen[b, 0]), np.int64(screen[b, 1]), screen_f[b, 2],
-            np.int64(screen[c, 0]), np.int64(screen[c, 1]), screen_f[c, 2],
-        )  # fmt: skip
-    k = t - m
-    return (
-        np.int64(clipped_screen[k, 0, 0]), np.int64(clipped_screen[k, 0, 1]), clipped_f[k, 0, 2],
-        np.int64(clipped_screen[k, 1, 0]), np.int64(clipped_screen[k, 1, 1]), clipped_f[k, 1, 2],
-        np.int64(clipped_screen[k, 2, 0]), np.int64(clipped_screen[k, 2, 1]), clipped_f[k, 2, 2],
-    )  # fmt: skip
 
 
 @jit.inlined
@@ -100,31 +75,6 @@ def draw_few(i, c, first, tile, depth, ids, counting):
         draw_inside(depth, ids, at, across, e0, e1, e2, c[A0 + i], c[A1 + i], c[A2 + i], x, z + zy * y, zx, low, high, t, counting)
         e0, e1, e2 = _I(e0 + c[B0 + i]), _I(e1 + c[B1 + i]), _I(e2 + c[B2 + i])
         at, y = at + tile, y + _F(1.0)
-
-
-@jit.part
-def find_spans(i, c, sx, sy, tile):
-    """Find the first and last pixel, from the tile's edge, of the rows of triangle `i` of the batch at the samples (sx, sy)."""
-    x0, y0, x1, y1 = np.int64(c[X0 + i]), np.int64(c[Y0 + i]), np.int64(c[X1 + i]), np.int64(c[Y1 + i])
-    a0, b0, c0, a1, b1, c1, a2, b2, c2 = edges(x0, y0, x1, y1, np.int64(c[X2 + i]), np.int64(c[Y2 + i]), 0, 0)
-    # The edge functions are below 2^53, so these sums are exact.
-    e0 = np.float64((c0 + a0 * sx + b0 * sy) >> 8) + 0.5
-    e1 = np.float64((c1 + a1 * sx + b1 * sy) >> 8) + 0.5
-    e2 = np.float64((c2 + a2 * sx + b2 * sy) >> 8) + 0.5
-    b0, b1, b2 = np.float64(b0), np.float64(b1), np.float64(b2)
-    # For a = 0 the row is all in or all out: a huge factor sends the right end beyond either side of the tile.
-    f0 = -1.0 / np.float64(a0) if a0 != 0 else 1e12
-    f1 = -1.0 / np.float64(a1) if a1 != 0 else 1e12
-    f2 = -1.0 / np.float64(a2) if a2 != 0 else 1e12
-    begins0, begins1, begins2 = a0 > 0, a1 > 0, a2 > 0
-    top, begin = _I(c[AT + i] // tile), _I(c[AT + i] % tile)
-    first, last = np.float64(begin), np.float64(_I(begin + c[ACROSS + i]))
-    for k in range(np.uint64(0), np.uint64(c[DOWN + i] + 1)):
-        y = np.float64(_I(top + _I(k)))
-        q0, q1, q2 = (e0 + b0 * y) * f0, (e1 + b1 * y) * f1, (e2 + b2 * y) * f2
-        left = max(first, max(np.ceil(q0) if begins0 else first, max(np.ceil(q1) if begins1 else first, np.ceil(q2) if begins2 else first)))
-        right = min(last, min(last if begins0 else np.floor(q0), min(last if begins1 else np.floor(q1), last if begins2 else np.floor(q2))))
-        c[SPAN_LEFT + k], c[SPAN_RIGHT + k] = _I(min(left, _BEYOND)), _I(max(right, -1.0))
 
 
 @jit.part

@@ -3,7 +3,7 @@
 Masked triangles (glTF's MASK) take part in the nearest-wins decision at the samples where their alpha reaches the cut-off. Blended ones
 (BLEND) are peeled back to front: each pass finds, at every sample, the farthest blended triangle that is nearer than the layer before it,
 the first layer being the opaque picture. So they composite in exact depth order per sample, by as many passes as there are layers, and of
-equally near ones the lower id lies on top. Set-up, edges and depth are `cover`'s.
+equally near ones the lower id lies on top. Set-up, spans and depth are `cover`'s.
 """
 
 from __future__ import annotations
@@ -15,12 +15,25 @@ from luxel.arrays import Array
 from luxel.memory import reusable
 from luxel.raster.bin import Bins, Clipped
 from luxel.raster.constants import NOTHING
-from luxel.raster.cover import load
-from luxel.raster.edge import edges
 from luxel.raster.fragments import find_part, planes, source_planes
 from luxel.raster.geometry import Geometry
 from luxel.raster.materials import MaterialTable
-from luxel.raster.setup import depth_plane
+from luxel.raster.setup import (
+    AT,
+    BATCH,
+    DOWN,
+    KIND,
+    NONE,
+    SIZE,
+    SPAN_LEFT,
+    SPAN_RIGHT,
+    T,
+    depth_at,
+    find_spans,
+    load_batch,
+    place_batch,
+    set_up_batch,
+)
 from luxel.raster.surface import mask_alpha
 
 _F = np.float32
@@ -64,12 +77,20 @@ def opaque_at(t, x, y, geometry, screen, screen_f, clipped, clipped_f, materials
     return alpha + _ROUNDING >= materials.floats[row, cutoff_column]
 
 
+@jit.inlined
+def source_of(t, clipped_source, m):
+    """The triangle that drawn triangle `t` is, or was cut from."""
+    return t if t < m else clipped_source[t - m]
+
+
 @jit.parallel_kernel
 def _layer(queue, first_tile, last_tile, across, tile, width, height, start, bin_ids, geometry, screen, screen_f, clipped, clipped_f,
            materials, cutoff_column, pattern, peel, depths, all_ids, next_depths, next_ids, found):  # fmt: skip
     geometry, clipped, materials = jit.borrow(geometry), jit.borrow(clipped), jit.borrow(materials)
-    triangles, clipped_screen, clipped_source = geometry.triangles, clipped.screen, clipped.source
-    m, samples, pixels = len(triangles), len(pattern), tile * tile
+    bin_ids, screen, pattern = jit.borrow(bin_ids), jit.borrow(screen), jit.borrow(pattern)
+    own = np.zeros(SIZE, np.int32)
+    c = jit.borrow(own)
+    sources, m, samples, pixels = clipped.source, len(geometry.triangles), len(pattern), tile * tile
     number = first_tile + jit.take(queue)
     while number < last_tile:
         slot = number - first_tile
@@ -78,50 +99,42 @@ def _layer(queue, first_tile, last_tile, across, tile, width, height, start, bin
         if peel:
             next_ids[slot, :] = NOTHING
             next_depths[slot, :] = _F(np.inf)
-        for q in range(start[number], start[number + 1]):
-            t = bin_ids[q]
-            source = t if t < m else clipped_source[t - m]
-            x0, y0, z0, x1, y1, z1, x2, y2, z2 = load(t, triangles, screen, screen_f, clipped_screen, clipped_f)
-            z, zx, zy = depth_plane(x0, y0, z0, x1, y1, z1, x2, y2, z2)
-            z_low, z_high = min(z0, min(z1, z2)), max(z0, max(z1, z2))
-            ref_x, ref_y, ox, oy = x0 >> 8, y0 >> 8, px << 8, py << 8
-            a0, b0, c0, a1, b1, c1, a2, b2, c2 = edges(x0, y0, x1, y1, x2, y2, ox, oy)
-            min_x, max_x = min(x0, min(x1, x2)) - ox, max(x0, max(x1, x2)) - ox
-            min_y, max_y = min(y0, min(y1, y2)) - oy, max(y0, max(y1, y2)) - oy
+        for begin in range(start[number], start[number + 1], BATCH):
+            n = min(BATCH, start[number + 1] - begin)
+            load_batch(begin, begin + n, px, py, bin_ids, geometry.triangles, screen, clipped.screen, c)
+            set_up_batch(n, c)
             for s in range(samples):
                 sx, sy = np.int64(pattern[s, 0]), np.int64(pattern[s, 1])
-                lx, hx = max((min_x - sx + 255) >> 8, 0), min((max_x - sx) >> 8, wide - 1)
-                ly, hy = max((min_y - sy + 255) >> 8, 0), min((max_y - sy) >> 8, high - 1)
-                fx = _F(px - ref_x) + _F(sx) * _F(1 / 256)
-                fy = _F(py - ref_y) + _F(sy) * _F(1 / 256)
-                for y in range(ly, hy + 1):
-                    zr = z + zy * (fy + _F(y))
-                    for x in range(lx, hx + 1):
-                        at_x, at_y = (x << 8) + sx, (y << 8) + sy
-                        if (c0 + a0 * at_x + b0 * at_y) | (c1 + a1 * at_x + b1 * at_y) | (c2 + a2 * at_x + b2 * at_y) < 0:
-                            continue
-                        d = zr + zx * (fx + _F(x))
-                        d = d if d > z_low else z_low
-                        d = d if d < z_high else z_high
-                        i = s * pixels + y * tile + x
-                        now, here = all_ids[slot, i], depths[slot, i]
-                        now = now if now < m else clipped_source[now - m]
-                        if not (d > here or (d == here and source < now)):
-                            continue
-                        if not peel:
-                            if opaque_at(t, ox + at_x, oy + at_y, geometry, screen, screen_f, clipped, clipped_f, materials, cutoff_column):
-                                all_ids[slot, i], depths[slot, i] = t, d
-                            continue
-                        best, far = next_ids[slot, i], next_depths[slot, i]
-                        best = best if best < m else clipped_source[best - m]
-                        if d < far or (d == far and source > best):
-                            next_ids[slot, i], next_depths[slot, i] = t, d
-                            found[slot] = 1
+                place_batch(n, sx, sy, tile, wide, high, c)
+                for i in range(np.uint64(0), np.uint64(n)):
+                    if c[KIND + i] == NONE:
+                        continue
+                    find_spans(i, c, sx, sy, tile)
+                    t, first, left = c[T + i], np.int64(c[AT + i]) // tile, np.int64(c[AT + i]) % tile
+                    source = source_of(t, sources, m)
+                    for row in range(np.uint64(0), np.uint64(c[DOWN + i] + 1)):
+                        y = first + np.int64(row)
+                        for x in range(np.int64(c[SPAN_LEFT + row]), np.int64(c[SPAN_RIGHT + row]) + 1):
+                            d = depth_at(i, c, x - left, row)
+                            k = s * pixels + y * tile + x
+                            now, here = source_of(all_ids[slot, k], sources, m), depths[slot, k]
+                            if not (d > here or (d == here and source < now)):
+                                continue
+                            if not peel:
+                                at_x, at_y = ((px + x) << 8) + sx, ((py + y) << 8) + sy
+                                if opaque_at(t, at_x, at_y, geometry, screen, screen_f, clipped, clipped_f, materials, cutoff_column):
+                                    all_ids[slot, k], depths[slot, k] = t, d
+                                continue
+                            best, far = source_of(next_ids[slot, k], sources, m), next_depths[slot, k]
+                            if d < far or (d == far and source > best):
+                                next_ids[slot, k], next_depths[slot, k] = t, d
+                                found[slot] = 1
         if peel:  # what this pass found is what the next must be nearer than
             for i in range(samples * pixels):
                 if next_ids[slot, i] >= 0:
                     all_ids[slot, i], depths[slot, i] = next_ids[slot, i], next_depths[slot, i]
         number = first_tile + jit.take(queue)
+    own[0] = 0  # the scratch must live until here: borrowing does not keep it
 
 
 def layer(bins: Bins, geometry: Geometry, screen: Array, clipped: Clipped, materials: MaterialTable, pattern: Array, width: int, height: int,

@@ -11,7 +11,7 @@ import numpy as np
 
 from luxel import jit
 from luxel.jit import bits_float, float_bits
-from luxel.raster.edge import edge_bias
+from luxel.raster.edge import edge_bias, edges
 from luxel.raster.lanes import LANES, prefetch
 
 BATCH = 128
@@ -40,6 +40,7 @@ NONE, POINT, FEW_PIXELS, MANY = range(4)
 """Kinds: not at any of these samples; at one only; small; large."""
 
 _F, _I = np.float32, np.int32
+_BEYOND = 1e6  # pixels; right of every tile
 _SMALL = np.int32(SMALL << 8)
 _ZERO, _EIGHT, _ROUND, _GROUP, _NONE, _POINT, _FEW, _MANY = (np.int32(number) for number in (0, 8, 255, -LANES, NONE, POINT, FEW_PIXELS, MANY))
 
@@ -144,3 +145,37 @@ def place_batch(n, sx, sy, tile, wide, high, c):
         c[AT + i], c[ACROSS + i], c[DOWN + i] = _I(_I(ly * pitch) + _I(lx - group)), _I(_I(hx - lx) + group), _I(hy - ly)
         c[AT_X + i], c[AT_Y + i] = float_bits(at_x - _F(group)), float_bits(at_y)
         c[E0 + i], c[E1 + i], c[E2 + i] = _I(e0 - _I(c[A0 + i] * group)), _I(e1 - _I(c[A1 + i] * group)), _I(e2 - _I(c[A2 + i] * group))
+
+
+@jit.part
+def find_spans(i, c, sx, sy, tile):
+    """Find the first and last pixel, from the tile's edge, of the rows of triangle `i` of the batch at the samples (sx, sy)."""
+    x0, y0, x1, y1 = np.int64(c[X0 + i]), np.int64(c[Y0 + i]), np.int64(c[X1 + i]), np.int64(c[Y1 + i])
+    a0, b0, c0, a1, b1, c1, a2, b2, c2 = edges(x0, y0, x1, y1, np.int64(c[X2 + i]), np.int64(c[Y2 + i]), 0, 0)
+    # The edge functions are below 2^53, so these sums are exact.
+    e0 = np.float64((c0 + a0 * sx + b0 * sy) >> 8) + 0.5
+    e1 = np.float64((c1 + a1 * sx + b1 * sy) >> 8) + 0.5
+    e2 = np.float64((c2 + a2 * sx + b2 * sy) >> 8) + 0.5
+    b0, b1, b2 = np.float64(b0), np.float64(b1), np.float64(b2)
+    # For a = 0 the row is all in or all out: a huge factor sends the right end beyond either side of the tile.
+    f0 = -1.0 / np.float64(a0) if a0 != 0 else 1e12
+    f1 = -1.0 / np.float64(a1) if a1 != 0 else 1e12
+    f2 = -1.0 / np.float64(a2) if a2 != 0 else 1e12
+    begins0, begins1, begins2 = a0 > 0, a1 > 0, a2 > 0
+    top, begin = _I(c[AT + i] // tile), _I(c[AT + i] % tile)
+    first, last = np.float64(begin), np.float64(_I(begin + c[ACROSS + i]))
+    for k in range(np.uint64(0), np.uint64(c[DOWN + i] + 1)):
+        y = np.float64(_I(top + _I(k)))
+        q0, q1, q2 = (e0 + b0 * y) * f0, (e1 + b1 * y) * f1, (e2 + b2 * y) * f2
+        left = max(first, max(np.ceil(q0) if begins0 else first, max(np.ceil(q1) if begins1 else first, np.ceil(q2) if begins2 else first)))
+        right = min(last, min(last if begins0 else np.floor(q0), min(last if begins1 else np.floor(q1), last if begins2 else np.floor(q2))))
+        c[SPAN_LEFT + k], c[SPAN_RIGHT + k] = _I(min(left, _BEYOND)), _I(max(right, -1.0))
+
+
+@jit.inlined
+def depth_at(i, c, across, down):
+    """Depth of triangle `i` so many pixels right of and below where it is placed: float32, in `cover`'s order of operations."""
+    y = bits_float(c[AT_Y + i]) + _F(_I(down))
+    d = (bits_float(c[DEPTH + i]) + bits_float(c[STEP_Y + i]) * y) + bits_float(c[STEP_X + i]) * (bits_float(c[AT_X + i]) + _F(_I(across)))
+    d = d if d > bits_float(c[LOW + i]) else bits_float(c[LOW + i])
+    return d if d < bits_float(c[HIGH + i]) else bits_float(c[HIGH + i])
