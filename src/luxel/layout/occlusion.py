@@ -35,7 +35,7 @@ _WINDOW = 48
 """Misses, at most, after which a cache that was emptied is taken to be as it would have been; twice its size suffices."""
 
 _JUDGES = 10
-"""Views, beside the six axes, by which candidates are compared."""
+"""Views, beside the six axes, by which the sorted order is compared with the input."""
 
 
 class Sorted(NamedTuple):
@@ -125,16 +125,13 @@ def sort_clusters(triangles: object, positions: object, cache: int = 12, policy:
         cost = int(missed(faces[source]).sum(dtype=np.int64)) / before
         return (source, clusters, cost) if cost <= limit else None
 
-    best, kept = overdraw(faces, points, _JUDGES, cull, threads=threads).mean, None
-    plain = best
     found = _most(candidate)
-    if found is not None:
-        seen = overdraw(faces[found[0]], points, _JUDGES, cull, threads=threads).mean
-        best, kept = (seen, found) if seen < best else (best, kept)
-    if kept is None:
+    orders = [faces] if found is None else [faces, faces[found[0]]]
+    seen = [overdraw(order, points, _JUDGES, cull, threads=threads).mean for order in orders]
+    if found is None or seen[1] >= seen[0]:
         return Sorted(faces, np.arange(len(faces), dtype=np.int32), 1, 1.0, 1.0)
-    source, clusters, cost = kept
-    return Sorted(faces[source], source, clusters, cost, plain / best)
+    source, clusters, cost = found
+    return Sorted(orders[1], source, clusters, cost, seen[0] / seen[1])
 
 
 def _most(candidate: Callable[[float], Any]) -> Any:
