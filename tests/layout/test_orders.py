@@ -68,6 +68,20 @@ def test_a_wider_look_ahead_is_better_on_average():
     assert widths == sorted(widths, reverse=True)
 
 
+@settings(max_examples=60, deadline=None)
+@given(made.soups(), st.sampled_from(["amd", "nvidia", batch.Model(3, 3, 1), batch.Model(32, 5, 9)]))
+def test_patches_for_any_batches(triangles, model):
+    check(triangles, "patches", profile=model)
+
+
+def test_patches_suit_batches_of_few_triangles():
+    mesh = made.shuffled(made.grid(60, 60))
+    of = {name: batch.reuse(order(mesh, order=name, profile="nvidia").triangles, "nvidia").atvr for name in ("tipsify", "patches")}
+    assert of["patches"] < of["tipsify"]
+    least = 25 * (3600 * 2 / 32) / 61**2  # a round patch of 32 triangles has about 25 vertices
+    assert least < of["patches"] < 1.15 * least
+
+
 def test_a_larger_cache_misses_less():
     mesh = made.shuffled(made.grid(60, 60))
     for name in ("greedy", "look-ahead", "tipsify"):

@@ -1,17 +1,18 @@
 """Less overdraw for little vertex cache: the order is cut into clusters, and those that face outwards are drawn first.
 
-Sander, Nehab, Barczak 2007, "Fast Triangle Reordering for Vertex Locality and Reduced Overdraw", section 4. A cluster begins where a triangle
-misses three times, since the cache is of little use across it, and where those since the last cut already have nearly the miss ratio of
-the whole stretch: there a cut costs little. Clusters are sorted by how far they stand out: (their centroid - the mesh's) . their normal.
+After Sander, Nehab, Barczak 2007, "Fast Triangle Reordering for Vertex Locality and Reduced Overdraw", section 4: clusters are sorted by how
+far they stand out, (their centroid - the mesh's) . their normal. There an order is cut where a triangle misses three times, and wherever the cluster
+so far, from an empty cache, has nearly the miss ratio of its surroundings.
 
-What differs: the cache is simulated with the size, policy or GPU model that the order was made for (a step that assumes 16 entries costs an
-order made for 12 from 5 to 14 %); how much may be cut is found by measuring the whole order against a limit, not assumed; and of the
-candidates (with and without the first kind of cut, and the input), the one whose overdraw measures least is taken. So neither measure can
-get worse than what was asked.
+What differs: what a cut costs is simulated at every triangle, how many more misses there are when the cache is empty there; an order is cut where
+that is cheap for the misses since the last cut. The cache has the size that the order was made for (a step that assumes 16 entries costs an order
+made for 12 from 8 to 35 %). How freely to cut is found by measuring the sorted order, on the cache, policy or GPU model asked for, against a
+limit. And the result is taken only if its overdraw measures less. So neither measure can get worse than what was asked.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,14 +28,14 @@ from luxel.layout.overdraw import overdraw
 LIMIT = 1.05
 """How many times the cache misses of its input a sorted order may have, unless said otherwise: more buys next to nothing."""
 
-_RATIOS = (0.0, *(1 + np.geomspace(0.002, 2, 60)).tolist())
-"""Miss ratio of a cluster so far over that of the stretch it is cut from, below which it is cut; 0: only where a stretch ends."""
+_RATES = np.geomspace(0.002, 4, 80).tolist()
+"""How many misses a cut may cost for each miss since the last cut."""
 
-_STRETCHES = (3, 4)
-"""Misses of a triangle at which a stretch begins; 4: the whole order is one."""
+_WINDOW = 48
+"""Misses, at most, after which a cache that was emptied is taken to be as it would have been; twice its size suffices."""
 
 _JUDGES = 10
-"""Views, beside the six axes, by which candidates are compared."""
+"""Views, beside the six axes, by which the sorted order is compared with the input."""
 
 
 class Sorted(NamedTuple):
@@ -56,34 +57,34 @@ class Sorted(NamedTuple):
 
 
 @jit.kernel
-def _cut(triangles, missed, bound, cache, ratio, stamp, start):
-    """First triangles of the clusters into `start`; `stamp` (n,) int64 holds -cache. Return how many there are."""
-    m, count, now = len(triangles), 0, np.int64(0)
-    begin = 0
-    while begin < m:
-        end, total = begin + 1, np.int64(missed[begin])
-        while end < m and missed[end] < bound:
-            total += missed[end]
-            end += 1
-        wanted = ratio * total / (end - begin)
-        start[count] = begin
-        count += 1
-        since, paid = 0, 0
-        now += cache  # each cluster is judged from an empty cache
-        for t in range(begin, end - 1):
+def _penalties(triangles, missed, cache, window, stamp, penalty):
+    """How many misses it costs to draw on with an empty cache, before each triangle; `stamp` (n,) int64 holds -cache."""
+    m, now = len(triangles), np.int64(0)
+    for first in range(m):
+        now += cache
+        paid, before, t = 0, 0, first
+        while t < m and paid < window:
             for corner in range(3):
                 v = triangles[t, corner]
                 if now - stamp[v] >= cache:
                     now += 1
                     stamp[v] = now
                     paid += 1
-            since += 1
-            if paid <= wanted * since:
-                start[count] = t + 1
-                count += 1
-                since, paid = 0, 0
-                now += cache
-        begin = end
+            before += missed[t]
+            t += 1
+        penalty[first] = paid - before
+
+
+@jit.kernel
+def _cut(missed, penalty, rate, start):
+    """First triangles of the clusters into `start`. Return how many there are."""
+    count, before = 0, 0
+    for t in range(len(missed)):
+        if t == 0 or penalty[t] <= rate * before:
+            start[count] = t
+            count += 1
+            before = 0
+        before += missed[t]
     return count
 
 
@@ -112,40 +113,35 @@ def sort_clusters(triangles: object, positions: object, cache: int = 12, policy:
     def missed(order: Array) -> Array:
         return batch.misses(order, model, n) if model else misses(order, cache, policy, n)
 
-    first = missed(faces)
-    before, score = int(first.sum(dtype=np.int64)), _standing_out(faces, points)
-    start = np.empty(len(faces), np.int32)
+    before, score = int(missed(faces).sum(dtype=np.int64)), _standing_out(faces, points)
+    penalty, start = np.empty(len(faces), np.int32), np.empty(len(faces), np.int32)
+    near = misses(faces, size, "fifo", n)  # cuts are judged by a FIFO of this size; the result by the target itself
+    _penalties(faces, near, size, min(2 * size, _WINDOW), np.full(n, -size, np.int64), penalty)
 
-    def candidate(bound: int, ratio: float) -> tuple[Array, int, float] | None:
-        """The order cut in this way, the clusters and their cost; None beyond the limit."""
-        clusters = int(_cut(faces, first, bound, size, ratio, np.full(n, -size, np.int64), start))
+    def candidate(rate: float) -> tuple[Array, int, float] | None:
+        """The order cut at this rate and sorted, the clusters and their cost; None beyond the limit."""
+        clusters = int(_cut(near, penalty, rate, start))
         source = _by_cluster(start[:clusters], len(faces), score)
         cost = int(missed(faces[source]).sum(dtype=np.int64)) / before
         return (source, clusters, cost) if cost <= limit else None
 
-    best, kept = overdraw(faces, points, _JUDGES, cull, threads=threads).mean, None
-    plain = best
-    for bound in _STRETCHES:
-        for found in _within(candidate, bound):
-            seen = overdraw(faces[found[0]], points, _JUDGES, cull, threads=threads).mean
-            best, kept = (seen, found) if seen < best else (best, kept)
-    if kept is None:
+    found = _most(candidate)
+    orders = [faces] if found is None else [faces, faces[found[0]]]
+    seen = [overdraw(order, points, _JUDGES, cull, threads=threads).mean for order in orders]
+    if found is None or seen[1] >= seen[0]:
         return Sorted(faces, np.arange(len(faces), dtype=np.int32), 1, 1.0, 1.0)
-    source, clusters, cost = kept
-    return Sorted(faces[source], source, clusters, cost, plain / best)
+    source, clusters, cost = found
+    return Sorted(orders[1], source, clusters, cost, seen[0] / seen[1])
 
 
-def _within(candidate: Any, bound: int) -> list[Any]:
-    """Candidates within the limit: the stretches uncut, and those cut as often as it allows."""
-    uncut = candidate(bound, _RATIOS[0])
-    if uncut is None:
-        return []
-    low, high, most = 0, len(_RATIOS), uncut
+def _most(candidate: Callable[[float], Any]) -> Any:
+    """The candidate that is cut as freely as the limit allows; None if none is within it."""
+    low, high, most = -1, len(_RATES), None
     while high - low > 1:
         middle = (low + high) // 2
-        found = candidate(bound, _RATIOS[middle])
+        found = candidate(_RATES[middle])
         low, high, most = (low, middle, most) if found is None else (middle, high, found)
-    return [uncut, most] if uncut[1] < most[1] else [uncut]
+    return most
 
 
 def _standing_out(faces: Array, points: Array) -> tuple[Array, Array, Array]:

@@ -20,6 +20,7 @@ from luxel.layout.gather import gather
 from luxel.layout.greedy import cost_table, greedy
 from luxel.layout.lookahead import DEPTH, SEARCH_WEIGHTS, WIDTH, look_ahead, risk_table
 from luxel.layout.partition import in_parts, part_size
+from luxel.layout.patches import patches
 from luxel.layout.simple import morton, shuffled
 from luxel.layout.tipsify import tipsify
 
@@ -103,6 +104,11 @@ def _greedy(job: _Job, name: str) -> Array:
     return job.in_parts(lambda faces, rows: greedy(faces, rows, job.modelled, costs))
 
 
+def _patches(job: _Job) -> Array:
+    model = job.model if job.model and job.model.warp and job.model.group else batch.MODELS["nvidia"]
+    return job.in_parts(lambda faces, rows: patches(faces, rows, model))
+
+
 def _look_ahead(job: _Job) -> Array:
     k = job.modelled
     costs, others, risk = cost_table("lin-yu", SEARCH_WEIGHTS, k), cost_table("greedy", None, k), risk_table(k)
@@ -118,6 +124,7 @@ _MADE: dict[str, Callable[[_Job], Array]] = {
     "lin-yu": lambda job: _greedy(job, "lin-yu"),
     "greedy-2016": lambda job: _greedy(job, "greedy-2016"),
     "look-ahead": _look_ahead,
+    "patches": _patches,
 }
 ORDERS = (*_MADE, "tipsify", "auto")
 LARGEST_CACHE, BATCH_CACHE = 128, 11
@@ -135,8 +142,9 @@ def order(triangles: object, vertex_count: int | None = None, order: str = "auto
     Args:
         triangles: (m, 3) int32 vertex indices.
         vertex_count: Vertices of the mesh; None: one more than the largest index.
-        order: One of `ORDERS`: "file" (as it is), "random", "morton", "tipsify", "forsyth", "greedy", "lin-yu", "greedy-2016", "look-ahead"
-            (see their modules), or "auto": the best of the input, one greedy pass and look-ahead on the target, found by simulating it.
+        order: One of `ORDERS`: "file" (as it is), "random", "morton", "tipsify", "forsyth", "greedy", "lin-yu", "greedy-2016", "look-ahead",
+            "patches" (see their modules), or "auto": the best of the input, one greedy pass and look-ahead on the target (and patches for a GPU
+            with batches), found by simulating it.
         cache: Vertices the cache holds, at least 3.
         policy: "fifo" or "lru".
         profile: Order for a GPU instead of `cache` and `policy`: "nvidia", "amd", "intel", "mobile", or a `batch.Model`.
@@ -197,6 +205,8 @@ def _auto(job: _Job, seconds: float | None) -> Ordered:
     if seconds is not None:
         left = seconds - (time.perf_counter() - began)
         job.width = int(min(MOST_WIDTH, left / (PER_WIDTH * max(tried[1][0].seconds, 1e-6))))
+    if job.model and job.model.group:
+        tried.append(_try(job, "patches"))
     if job.width > 0:
         tried.append(_try(job, "look-ahead"))
     return _best(tried)
