@@ -6,6 +6,7 @@ from scenes import UNLIT, around, flat_camera, flat_mesh, instance, rectangle, r
 
 import luxel
 from luxel import Ambient, Camera, InputError, Light, Material, Mesh, Scene, Texture, TextureRef
+from luxel.filter.antialias import decimate
 from luxel.io.images import read_image
 from luxel.raster import render
 from luxel.raster.outputs import SHAPES
@@ -223,6 +224,37 @@ def test_supersampled_is_shaded_at_every_sample_and_multisampled_once():
     assert np.allclose(averaged, 0.5)
     once = luxel.render(scene, flat_camera((16, 16)), (16, 16), samples=16, outputs=("linear",)).linear[..., 0]
     assert set(np.unique(once)) <= {0.0, 1.0}
+
+
+@pytest.mark.parametrize("rate", [2, 3])
+def test_lowpass_is_the_finer_picture_decimated_in_frequency(rate):
+    scene, camera, size = room(3), around(), (40, 28)
+    picture = luxel.render(scene, camera, size, ssaa=rate, filter="lowpass", outputs=EVERYTHING, background=(0.2, 0.3, 0.4))
+    fine = luxel.render(scene, camera, (rate * 40, rate * 28), samples=1, outputs=("linear",), background=(0.2, 0.3, 0.4))
+    assert np.array_equal(picture.linear, decimate(fine.linear, rate))
+    assert np.array_equal(picture.color[..., :3], bytes_from_linear(picture.linear[..., :3]))
+    same_bytes(picture, luxel.render(scene, camera, size, samples=1, outputs=EVERYTHING), IDS)  # what is not colour is drawn at its own rate
+
+
+def test_lowpass_takes_away_what_pixels_cannot_show():
+    """Stripes a fifth of a pixel wide are grey, and a picture of one colour stays so."""
+    stripes = [rectangle(x / 5, 0, (x + 1) / 5, 16) for x in range(0, 80, 2)]
+    scene = Scene(materials=[Material((1, 1, 1, 1), **UNLIT)], meshes=stripes, instances=[instance(np.eye(4), i) for i in range(len(stripes))])
+    options = {"ssaa": 5, "filter": "lowpass", "outputs": ("linear",), "background": (0, 0, 0)}
+    grey = luxel.render(scene, flat_camera((16, 16)), (16, 16), **options).linear[..., 0]
+    assert np.abs(grey[:, 2:-2] - 0.5).max() < 0.02
+    wall = luxel.render(Scene.from_mesh(rectangle(-1, -1, 17, 17), Material((1, 1, 1, 1), **UNLIT)), flat_camera((16, 16)), (16, 16), **options)
+    assert np.allclose(wall.linear, 1.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("draw", [luxel.render, lambda *rest, **options: luxel.render_to_png("x.png", *rest, **options)])
+def test_lowpass_says_what_it_needs(draw, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match="lowpass filters the picture that ssaa draws"):
+        draw(room(), None, (8, 8), filter="lowpass")
+    with pytest.raises(InputError, match="lowpass needs the whole picture"):
+        luxel.render_to_png("x.png", room(), None, (8, 8), filter="lowpass", ssaa=2)
+    assert not any(tmp_path.iterdir())
 
 
 # Views

@@ -22,7 +22,10 @@ if TYPE_CHECKING:
 EXAMPLE = "luxel render model.glb -o model.png --size 1920x1080 --samples 8 --azimuth 45"
 
 _SHADINGS = ("flat", "gouraud", "phong", "pbr", "unlit")
-_FILTERS = ("box", "tent", "gaussian", "mitchell", "blackman-harris")
+_FILTERS = ("box", "tent", "gaussian", "mitchell", "blackman-harris", "lowpass")
+_AA: dict[str, dict[str, str]] = {
+    "none": {"samples": "1"}, "msaa": {"samples": "4"}, "ssaa": {"ssaa": "3"}, "lowpass": {"ssaa": "3", "filter": "lowpass"},
+}  # fmt: skip
 _OUTPUTS = (
     "color",
     "linear",
@@ -66,10 +69,12 @@ _before = "Where motion comes from: options of the camera before, such as 'azimu
 Previous = Annotated[str | None, _camera("--previous", metavar="CAMERA", help=_before)]
 
 _sampling = partial(_option, "Sampling")
+_modes = "In short: none, msaa (--samples 4), ssaa (--ssaa 3), or lowpass (of the spectrum)."
+AntiAliasing = Annotated[str | None, _sampling("--aa", metavar="MODE", help=_modes)]
 Samples = Annotated[str | None, _sampling("--samples", metavar="N", help="Samples a pixel: 1, 2, 4, 8 or 16 [4].")]
 Pattern = Annotated[str, _sampling("--pattern", metavar="NAME", help="Where they lie: standard, or grid (of 4).")]
-Ssaa = Annotated[str, _sampling("--ssaa", metavar="N", help="In place of samples: shade N x N times a pixel, N up to 8.")]
-Filter = Annotated[str, _sampling("--filter", metavar="NAME", help=f"From samples to pixels: {', '.join(_FILTERS)}.")]
+Ssaa = Annotated[str | None, _sampling("--ssaa", metavar="N", help="In place of samples: shade N x N times a pixel, N up to 8.")]
+Filter = Annotated[str | None, _sampling("--filter", metavar="NAME", help=f"From samples to pixels: {', '.join(_FILTERS)}.")]
 
 _look = partial(_option, "Look")
 _shadings = f"{', '.join(_SHADINGS)} [what the material asks for]."
@@ -99,10 +104,11 @@ def render(
     ortho: Ortho = None,
     turntable: Turntable = None,
     previous: Previous = None,
+    aa: AntiAliasing = None,
     samples: Samples = None,
     pattern: Pattern = "standard",
-    ssaa: Ssaa = "1",
-    filter: Filter = "box",
+    ssaa: Ssaa = None,
+    filter: Filter = None,
     shading: Shading = None,
     background: Background = "none",
     cull: Cull = "material",
@@ -119,7 +125,9 @@ def render(
     from luxel.cli.drawing import EXTENSIONS, SAMPLES, View
 
     pixels = values.size(size)
-    shots = values.whole(ssaa, "--ssaa", 1, 8)
+    mode = {} if aa is None else _AA[values.choice(aa, tuple(_AA), "--aa")]
+    samples, filter = samples or mode.get("samples"), filter or mode.get("filter", "box")
+    shots = values.whole(ssaa or mode.get("ssaa", "1"), "--ssaa", 1, 8)
     output = output or Path(f"{file.stem}.png")
     opaque = output.suffix.lower() in (".jpg", ".jpeg")  # they have no transparency
     numbers: dict[str, Any] = {"azimuth": azimuth, "elevation": elevation, "distance": distance, "fov": fov, "turntable": turntable}
@@ -140,6 +148,8 @@ def render(
     values.output(output, EXTENSIONS)
     if shots > 1 and options["samples"] != 1:
         raise InputError(f"--ssaa {shots}: it takes the place of --samples {samples}; give one of them")
+    if filter == "lowpass" and shots == 1:
+        raise InputError("--filter lowpass: filters the picture that --ssaa draws at a higher rate; give --ssaa 2 to 8, or --aa lowpass")
     if pattern == "grid" and options["samples"] != 4:
         raise InputError(f"--pattern grid: expected --samples 4, got {samples or 1}")
     lost = set(options["outputs"]) - {"color"}
@@ -207,7 +217,8 @@ def _draw(
             render(prepared, cameras[i], size, previous_camera=before[i], **options).save(path)
             report((i + 1) / len(paths))
         return paths
-    if size[0] * size[1] > STREAMED and output.suffix.lower() == ".png" and options["outputs"] == ("color",):
+    streamed = size[0] * size[1] > STREAMED and options["filter"] != "lowpass"
+    if streamed and output.suffix.lower() == ".png" and options["outputs"] == ("color",):
         from luxel.raster.render import render_to_png
 
         del options["outputs"]

@@ -77,8 +77,8 @@ def _encode(queue, source, out, top, channels, alpha, encoded, table):
             at, end, scale = pixel * channels, (pixel + 1) * channels - alpha, _F(1.0)
             if alpha:
                 a = min(_F(1.0), max(_F(0.0), source[end]))
-                scale = _F(1.0) / a if a > _F(0.0) else _F(0.0)
                 out[end] = np.int64(a * top + _F(0.5))
+                scale = _F(1.0) / a if out[end] > 0 else _F(0.0)  # what cannot be seen has no colour, rather than that of rounding errors
             for i in range(at, end):
                 out[i] = _code(source[i] * scale, top, encoded, table)
         first = jit.take(queue) * _CHUNK

@@ -10,7 +10,7 @@ import operator
 import subprocess
 import time
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -39,6 +39,7 @@ from luxel.scene.framing import camera_for
 from luxel.scene.scene import Scene
 
 OUTPUTS = ("color", "linear", *SHAPES)
+LOWPASS = "lowpass"
 _WINDOW = MAX_SIZE // 2
 _BAND_BYTES = 96 << 20
 _NO_COLOR, _NO_LINEAR, _NO_SAMPLES = np.empty((0, 0), np.uint32), np.empty((0, 0, 4), np.float32), np.empty((0, 0), np.float32)
@@ -73,8 +74,10 @@ class Options:
             raise InputError(f"outputs: expected some of {', '.join(OUTPUTS)}; got none")
         if not isinstance(self.samples, (int, np.integer)) or self.samples not in SAMPLE_COUNTS:
             raise InputError(f"samples: expected 1, 2, 4, 8 or 16, got {self.samples!r}")
-        if self.filter not in tuple(FILTERS):
-            raise InputError(f"filter: expected one of {', '.join(FILTERS)}; got {self.filter!r}")
+        if self.filter not in (*FILTERS, LOWPASS):
+            raise InputError(f"filter: expected one of {', '.join(FILTERS)} or {LOWPASS}; got {self.filter!r}")
+        if self.filter == LOWPASS and self.ssaa == 1:
+            raise InputError(f"filter: {LOWPASS} filters the picture that ssaa draws at a higher rate: expected ssaa 2 to 8, got 1")
         if not isinstance(self.tile, (int, np.integer)) or self.tile not in (8, 16, 32, 64, 128):
             raise InputError(f"tile: expected 8, 16, 32, 64 or 128, got {self.tile!r}")
         if not isinstance(self.exposure, (int, float, np.floating, np.integer)) or not abs(self.exposure) <= 64:
@@ -156,7 +159,8 @@ def render(scene: Any, camera: Camera | None = None, size: tuple[int, int] = (12
         samples: Per pixel (MSAA): 1, 2, 4, 8 or 16; shaded once a pixel and triangle.
         pattern: "standard" sample positions, or "grid" (2x2, with 4 samples).
         ssaa: n for n x n shaded samples a pixel.
-        filter: How samples make a pixel: "box", "tent", "gaussian", "mitchell", "blackman-harris".
+        filter: How samples make a pixel: "box", "tent", "gaussian", "mitchell", "blackman-harris"; or "lowpass", with `ssaa`: the picture is
+            drawn at n times the rate, loses in its spectrum what pixels cannot show, and is decimated (`luxel.filter.antialias`).
         shading: "flat", "gouraud", "phong", "pbr" or "unlit" for all materials; None: what each asks for ("phong" if it does not).
         cull: Which back faces are not drawn: those of single-sided materials ("material"), all ("back"), none ("none").
         background: Linear RGB or RGBA behind everything; None is transparent.
@@ -179,7 +183,8 @@ def render(scene: Any, camera: Camera | None = None, size: tuple[int, int] = (12
                       threads, tile)  # fmt: skip
     started = time.perf_counter()
     prepared = _prepared(scene, shading, cull)
-    picture = _draw(prepared, camera, _checked_size(size), options, previous_camera, progress)
+    draw = _draw_lowpassed if options.filter == LOWPASS else _draw
+    picture = draw(prepared, camera, _checked_size(size), options, previous_camera, progress)
     picture.seconds = {"prepare": time.perf_counter() - started - sum(picture.seconds.values()), **picture.seconds}
     return picture
 
@@ -211,6 +216,8 @@ def render_to_png(path: Any, scene: Any, camera: Camera | None = None, size: tup
         if name not in known:
             raise InputError(f"render_to_png: expected options among {', '.join(sorted(known))}; got {name}")
     chosen = Options(**options)
+    if chosen.filter == LOWPASS:
+        raise InputError(f"render_to_png: filter {LOWPASS} needs the whole picture at once; use render")
     prepared = _prepared(scene, shading, cull)
     rows = max(chosen.tile, (_BAND_BYTES // (8 * width)) // chosen.tile * chosen.tile)
     margin = 0 if chosen.filter == "box" else chosen.tile
@@ -309,6 +316,26 @@ def _draw(prepared: Prepared, camera: Camera | None, size: tuple[int, int], opti
     if "linear" in names:
         fields["linear"] = target.linear
     return Picture(**fields, seconds=clock.seconds)
+
+
+def _draw_lowpassed(prepared: Prepared, camera: Camera | None, size: tuple[int, int], options: Options, previous: Camera | None,
+                    progress: Callable[[float], None] | None) -> Picture:  # fmt: skip
+    """Draw a picture at `ssaa` times the rate and decimate it in frequency; what is not colour is drawn at its own rate."""
+    from luxel.filter.antialias import decimate
+    from luxel.filter.light import encode
+
+    rate, threads = options.ssaa, options.threads or 1
+    camera = camera or camera_for(prepared.scene, size)
+    plain = replace(options, ssaa=1, filter="box", outputs=("linear",))
+    picture = _draw(prepared, camera, (rate * size[0], rate * size[1]), plain, None, progress)
+    seconds, started = picture.seconds, time.perf_counter()
+    linear = decimate(picture.linear, rate, threads=threads)
+    color = encode(linear, np.uint8, True, threads) if "color" in options.outputs else None
+    seconds["lowpass"] = time.perf_counter() - started
+    rest = tuple(name for name in options.outputs if name not in ("color", "linear"))
+    picture = _draw(prepared, camera, size, replace(plain, outputs=rest), previous, None) if rest else Picture()
+    seconds = {name: seconds.get(name, 0.0) + picture.seconds.get(name, 0.0) for name in {**seconds, **picture.seconds}}
+    return replace(picture, color=color, linear=linear if "linear" in options.outputs else None, seconds=seconds)
 
 
 def _warm_up(prepared: Prepared, seen: _View, options: Options, target: Target) -> None:
