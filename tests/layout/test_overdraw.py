@@ -103,6 +103,15 @@ def test_scale_and_place_do_not_matter():
         assert there.mean == pytest.approx(here.mean, rel=0.01)
 
 
+@pytest.mark.parametrize("scale", [1e-37, 1e-20, 1e20, 3e37])
+def test_any_size_has_a_figure(scale):
+    mesh = torus(segments=16, sides=8)
+    points = mesh.positions * np.float32(scale)
+    assert 1 <= overdraw(mesh.triangles, points, 2).mean < 2
+    assert 1 <= meshoptimizer_overdraw(mesh.triangles, points).mean < 2
+    assert sort_clusters(mesh.triangles, points, limit=1.3).gain >= 1
+
+
 def test_directions_are_even():
     d = directions(200)
     assert np.allclose((d * d).sum(1), 1)

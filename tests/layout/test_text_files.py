@@ -334,6 +334,16 @@ def test_any_format_to_any_other(tmp_path, before, after):
         assert report.after.acmr[12] < report.before.acmr[12]
 
 
+@pytest.mark.parametrize("name", ["b.ply", "b.glb"])
+@pytest.mark.filterwarnings("ignore::luxel.errors.LuxelWarning")
+def test_progress_rises_to_one(tmp_path, name):
+    told = []
+    optimize_file(ply(tmp_path / "a.ply", "ascii"), tmp_path / name, Options("tipsify"), check=True, progress=told.append)
+    assert told == sorted(told)
+    assert told[-1] == 1
+    assert len(told) > 3
+
+
 def test_in_place_and_without_output(tmp_path):
     source = ply(tmp_path / "a.ply", "ascii")
     text = source.read_text()

@@ -51,21 +51,22 @@ def decimate(picture: object, rate: int, cutoff: float = CUTOFF, order: float = 
     if not np.isfinite([low, high]).all():
         raise InputError("picture: expected finite numbers, got some that are not")
     out = np.empty((height // rate, width // rate, channels), kind)
+    fy, fx = np.arange(min(height, 2 * len(out))) / (2 * len(out)), np.arange(min(width, 2 * out.shape[1])) / (2 * out.shape[1])
+    factors = (butterworth(fy[:, None], fx[None], cutoff, order) / rate**2).astype(kind)
     for channel in range(channels):
-        out[..., channel] = _decimated(array[..., channel].astype(kind), rate, cutoff, order, workers)
+        out[..., channel] = _decimated(array[..., channel].astype(kind), factors, rate, workers)
     np.clip(out, low, high, out=out)
     return out.astype(array.dtype, copy=False).reshape(out.shape if len(shape) == 3 else out.shape[:2])
 
 
-def _decimated(plane: Array, rate: int, cutoff: float, order: float, workers: int) -> Array:
+def _decimated(plane: Array, factors: Array, rate: int, workers: int) -> Array:
     from scipy.fft import dct, idctn
 
-    height, width = plane.shape[0] // rate, plane.shape[1] // rate
-    kept = dct(plane, axis=1, overwrite_x=True, workers=workers)[:, : 2 * width]
-    kept = dct(kept, axis=0, workers=workers)[: 2 * height]
-    fy, fx = np.arange(kept.shape[0]) / (2 * height), np.arange(kept.shape[1]) / (2 * width)
-    kept *= (butterworth(fy[:, None], fx[None], cutoff, order) / rate**2).astype(plane.dtype)
-    return idctn(_folded(_folded(kept, height).T, width).T, overwrite_x=True, workers=workers)
+    kept = dct(plane, axis=1, overwrite_x=True, workers=workers)[:, : factors.shape[1]]
+    kept = dct(kept, axis=0, workers=workers)[: len(factors)]
+    kept *= factors
+    folded = _folded(_folded(kept, plane.shape[0] // rate).T, plane.shape[1] // rate).T
+    return idctn(folded, overwrite_x=True, workers=workers)
 
 
 def _folded(coefficients: Array, count: int) -> Array:

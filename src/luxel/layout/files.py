@@ -64,19 +64,24 @@ def optimize_file(source: Path, target: Path | None, options: Options, *, measur
     with folder as name:
         made = Path(name) / aim.name
         before = None
+        told = progress or (lambda done: None)
+        ordering: Progress = lambda done: told(0.6 * done)  # noqa: E731
         if module is None:
-            before = _convert(source, made, options, report, check, progress)
+            before = _convert(source, made, options, report, check, ordering)
         else:
             with door(source.name):
-                package = module.optimize(source, options, report, progress)
+                package = module.optimize(source, options, report, ordering)
             with door(aim, "cannot be written"):
                 package.save(made, aim.parent)
+        told(0.7)
         held = [_Held(path, module) for path in (source, made)]
         if check and module is not None:
             _prove(held, module, options, aim)
+        told(0.8)
         scenes = _measure(held, report, options.threads, before) if measures else []
         if target is not None:
             _into_place(Path(name), target)
+        told(1.0)
     return report, scenes
 
 

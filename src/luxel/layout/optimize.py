@@ -166,6 +166,8 @@ def lay_out(lists: Sequence[Array], vertex_count: int, options: Options, report:
         made[i], chosen = _ordered(faces, len(kept), options, report, positions, cull, _scaled(progress, begin, part))
         sources[i] = sources[i][chosen]
         done += len(faces)
+        if progress is not None:
+            progress(done / total)
     start = time.perf_counter()
     joined = np.concatenate(made) if made else np.zeros((0, 3), np.int32)
     if renumbered:

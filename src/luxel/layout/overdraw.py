@@ -135,7 +135,7 @@ def meshoptimizer_overdraw(triangles: object, positions: object, threads: int | 
     _ball(faces, points)  # finite
     low = points.min(0)
     extent = np.float32((points - low).max())
-    scaled = (points - low) * (np.float32(SIZE) / extent if extent > 0 else np.float32(0))
+    scaled = (points - low) * (np.float32(SIZE) / extent if extent > 1e-35 else np.float32(0))
     window, threads = Window(0, 0, SIZE, SIZE, SIZE, SIZE), jit.checked_threads(threads)
     shaded, covered, worst = 0, 0, 1.0
     for axes in ((2, 1, 0), (0, 2, 1), (1, 0, 2)):
