@@ -238,12 +238,13 @@ def test_lowpass_is_the_finer_picture_decimated_in_frequency(rate):
 
 def test_lowpass_takes_away_what_pixels_cannot_show():
     """Stripes a quarter of a pixel wide are grey, and a picture of one colour stays so."""
-    stripes = [rectangle(x / 4, 0, (x + 1) / 4, 16) for x in range(0, 64, 2)]
-    scene = Scene(materials=[Material((1, 1, 1, 1), **UNLIT)], meshes=stripes, instances=[instance(np.eye(4), i) for i in range(len(stripes))])
+    scene, white = Scene(), Material((1, 1, 1, 1), **UNLIT)
+    for x in range(0, 64, 2):
+        scene.add(rectangle(x / 4, 0, (x + 1) / 4, 16), white)
     options = {"ssaa": 4, "filter": "lowpass", "outputs": ("linear",), "background": (0, 0, 0)}
     grey = luxel.render(scene, flat_camera((16, 16)), (16, 16), **options).linear[..., 0]
     assert np.abs(grey[:, 2:-2] - 0.5).max() < 0.02
-    wall = luxel.render(Scene.from_mesh(rectangle(-1, -1, 17, 17), Material((1, 1, 1, 1), **UNLIT)), flat_camera((16, 16)), (16, 16), **options)
+    wall = luxel.render(Scene.from_mesh(rectangle(-1, -1, 17, 17), white), flat_camera((16, 16)), (16, 16), **options)
     assert np.allclose(wall.linear, 1.0, atol=1e-6)
 
 
