@@ -27,6 +27,9 @@ def messages(comm: Comm) -> None:
     got = comm.exchange([np.full((comm.rank, k), 10 * comm.rank + k) for k in range(comm.size)])
     for k, array in enumerate(got):
         assert np.array_equal(array, np.full((k, comm.rank), 10 * k + comm.rank))
+    assert comm.neighbours == comm.size  # all on this machine
+    assert comm.threads(3) == 3
+    assert comm.threads() == 1  # LUXEL_THREADS
     for count in (0, 1, comm.size - 1, 100):
         shares = comm.share_out(count)
         assert [first for first, _ in shares[1:]] == [last for _, last in shares[:-1]]

@@ -79,6 +79,8 @@ def test_one_rank_needs_no_mpi():
     assert comm.collect(array) == [array]
     assert comm.exchange([array]) == [array]
     assert comm.share_out(7) == [(0, 7)]
+    assert comm.threads(2) == 2
+    assert comm.threads() >= 1
     with pytest.raises(ZeroDivisionError), comm.guard():
         raise ZeroDivisionError
 

@@ -120,6 +120,14 @@ def test_bands_are_the_whole(options, border):
     assert np.abs(np.concatenate(parts) - lowpass(image, border=border, value=0.3, **options)).max() < 1e-6
 
 
+@pytest.mark.parametrize("options", [{"gaussian": 3.0}, {"ideal": 0.2}])
+def test_what_is_no_number_is_named_by_its_row(options):
+    image = np.zeros((200, 90, 3), np.float32)
+    image[150, 7, 1] = np.inf
+    with pytest.raises(InputError, match="got inf at row 150, column 7, channel 1"), np.errstate(invalid="ignore"):
+        list(filtered_bands(image, make_filter(**options), "mirror", 0.0, "auto", 1, 20_000, lambda done: None))
+
+
 @pytest.mark.parametrize("kind", [np.uint8, np.uint16])
 @pytest.mark.parametrize("memory", [1, 1 << 30])
 def test_files_in_memory_and_on_disk(tmp_path, kind, memory):

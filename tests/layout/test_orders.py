@@ -10,7 +10,7 @@ from luxel.errors import InputError
 from luxel.layout import ORDERS, acmr, batch, order
 from luxel.layout.adjacency import adjacency, bounded
 from luxel.layout.greedy import LEFT, OPEN, cost_table
-from luxel.layout.lookahead import risk_table
+from luxel.layout.risk import risk_table
 
 NO_POSITIONS = [name for name in ORDERS if name != "morton"]
 

@@ -43,7 +43,7 @@ Border = Annotated[str, _how("--border", metavar="NAME", help=f"Beyond the pictu
 Value = Annotated[str, _how("--value", metavar="X", help="The constant, in linear light [0].")]
 Method = Annotated[str, _how("--method", metavar="NAME", help=f"{', '.join(_METHODS)}: the same to rounding [auto: the fastest].")]
 Memory = Annotated[str, _how("--memory", metavar="MB", help="Larger pictures go in bands, from disk to disk [2048].")]
-Threads = Annotated[str | None, _how("--threads", metavar="N", help="Of the processor [all].")]
+Threads = Annotated[str | None, _how("--threads", metavar="N", help="Of the processor, each rank [all, shared by the ranks].")]
 
 
 def filter(
@@ -112,11 +112,10 @@ def _chosen(gaussian: str | None, butterworth: str | None, order: str | None, id
 
 def _filter_file(console: Console, comm: Comm, file: Path, output: Path | None, spectrum: Path | None, chosen: Filter | None,
                  options: dict[str, Any], memory: int, threads: int | None) -> None:  # fmt: skip
-    from luxel import jit
     from luxel.filter.files import opened
 
     start = time.perf_counter()
-    number = jit.checked_threads(threads)
+    number = comm.threads(threads)
     if comm.rank:
         if comm.share(None):
             from luxel.cluster.fft import lowpass

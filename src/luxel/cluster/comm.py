@@ -35,9 +35,10 @@ class Comm:
     Attributes:
         rank: Of this process, from 0.
         size: Number of ranks.
+        neighbours: How many of them share this machine, this one included.
     """
 
-    rank, size = 0, 1
+    rank, size, neighbours = 0, 1, 1
 
     def share(self, value: Any) -> Any:
         """Rank 0's value on every rank (by pickle: for what is small)."""
@@ -65,6 +66,12 @@ class Comm:
         """(first, last + 1) of each rank, when `count` rows are shared evenly; some get none where there are more ranks than rows."""
         return [(count * rank // self.size, count * (rank + 1) // self.size) for rank in range(self.size)]
 
+    def threads(self, wanted: int | None = None) -> int:
+        """How many threads this rank should use: as many as wanted, or its part of the machine's cores."""
+        from luxel.jit import available_threads, checked_threads
+
+        return checked_threads(wanted) if wanted is not None else max(1, available_threads() // self.neighbours)
+
     @contextmanager
     def guard(self) -> Iterator[None]:
         """Around work in which ranks wait for each other: an exception inside ends them all."""
@@ -77,6 +84,9 @@ class _Ranks(Comm):
     def __init__(self, mpi: Any) -> None:
         self._mpi, self._comm = mpi, mpi.COMM_WORLD
         self.rank, self.size = self._comm.Get_rank(), self._comm.Get_size()
+        here = self._comm.Split_type(mpi.COMM_TYPE_SHARED)
+        self.neighbours = here.Get_size()
+        here.Free()
 
     def share(self, value: Any) -> Any:
         return self._comm.bcast(value)

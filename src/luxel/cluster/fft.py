@@ -131,7 +131,7 @@ def lowpass(image: Array | None, filter: Filter | None, comm: Comm, border: str 
     Returns:
         The filtered picture on rank 0; None elsewhere.
     """
-    threads = jit.checked_threads(threads)
+    threads = comm.threads(threads)
     if image is not None and (comm.size == 1 or filter is None):
         assert filter is not None
         return apply(image, filter, border, value, method, threads)

@@ -170,8 +170,8 @@ def plans(filter: Filter, shape: tuple[int, int, int], border: str, threads: int
     return sorted((plan for plan in found if plan is not None), key=lambda plan: plan.cost)
 
 
-def apply(image: Array, filter: Filter, border: str, value: float, method: str, threads: int) -> Array:
-    """Filter (h, w, c) float32 or float64 as it stands; arguments as of `lowpass`."""
+def apply(image: Array, filter: Filter, border: str, value: float, method: str, threads: int, rows: Array | None = None) -> Array:
+    """Filter (h, w, c) float32 or float64 as it stands; arguments as of `lowpass`. `rows`: what to call its rows in an error."""
     if method not in ("auto", *cost.METHODS):
         raise InputError(f"method: expected auto or one of {', '.join(cost.METHODS)}; got {method!r}")
     ways = plans(filter, image.shape, border, threads)  # type: ignore[arg-type]
@@ -181,16 +181,17 @@ def apply(image: Array, filter: Filter, border: str, value: float, method: str, 
         raise InputError(f"method: {method} cannot apply this filter")
     out, finite = _apply(ways[0], image, filter, border, value, threads)
     if not finite:
-        refuse_odd(image)
+        refuse_odd(image, rows)
     return out
 
 
-def refuse_odd(image: Array) -> None:
-    """Raise InputError where a number of (h, w, c) is not finite."""
+def refuse_odd(image: Array, rows: Array | None = None) -> None:
+    """Raise InputError where a number of (h, w, c) is not finite; `rows` are the numbers of its rows, where not 0, 1, 2 ..."""
     odd = np.argwhere(~np.isfinite(image))
     if len(odd):
         y, x, channel = odd[0]
-        raise InputError(f"image: expected finite numbers, got {image[y, x, channel]} at row {y}, column {x}, channel {channel} ({len(odd)} in all)")
+        where = f"row {y if rows is None else rows[y]}, column {x}, channel {channel}"
+        raise InputError(f"image: expected finite numbers, got {image[y, x, channel]} at {where} ({len(odd)} in all)")
 
 
 def _apply(plan: cost.Plan, image: Array, filter: Filter, border: str, value: float, threads: int) -> tuple[Array, bool]:

@@ -58,7 +58,8 @@ def _by_bands(source: Array, filter: Filter, border: str, value: float, method: 
     for first in range(0, height, count):
         last = min(height, first + count)
         band = _rows(source, rows[first : last + 2 * reach], value, threads)
-        yield apply(band, filter, border, value, "auto" if method == "dct" else method, threads)[reach : reach + last - first]
+        names = rows[first : last + 2 * reach]
+        yield apply(band, filter, border, value, "auto" if method == "dct" else method, threads, names)[reach : reach + last - first]
 
 
 def _by_passes(source: Array, filter: Filter, border: str, value: float, threads: int, memory: int) -> Iterator[Array]:
@@ -82,7 +83,7 @@ def _by_passes(source: Array, filter: Filter, border: str, value: float, threads
                 band = band[:, x_map]
                 band[:, x_map < 0] = value
             if not np.isfinite(band.sum(dtype=np.float64)):
-                refuse_odd(band)
+                refuse_odd(band, y_map[first : first + rows])
             scratch[first : first + rows] = (rfft if wraps else dct)(band, axis=1, workers=threads)
         strip = max(1, memory // (16 * tall * channels))
         for first in range(0, columns, strip):

@@ -14,6 +14,7 @@ from luxel.filter.vectors import LINE, SUMS, weighted_sums
 
 _STRIP = 8  # blocks of sums loaded side by side in the first pass
 _SHORT = 33  # taps of a column that are summed where the rows lie
+_CHUNKS = 6  # pieces of work for each thread
 _NARROW = 4  # blocks of sums whose columns are summed together
 _SCRATCH = 1 << 20  # bytes of a band's rows that should stay in the second cache; a quarter where columns are short
 
@@ -95,9 +96,32 @@ def _extend_row(row, at, before, pixels, channels, x_map, value):
             row[at + p * channels + channel] = value if x_map[p] < 0 else row[at + (before + x_map[p]) * channels + channel]
 
 
+@jit.part
+def _columns_in_place(sums, length, at, source, numbers, places, first, here, weights, columns, spare):
+    """The first pass over `here` rows from the row `first` on, where the rows lie: a few columns of all of them at a time."""
+    wide = min(_NARROW * columns, numbers)
+    for left in range(0, numbers, wide):
+        x = min(left, numbers - wide)
+        for y in range(here):
+            rows = places[first + y : first + y + len(weights)]
+            _sum_row(sums, y * length + at + x, wide, source, x, rows, weights, columns, spare)
+
+
+@jit.part
+def _columns_in_strips(sums, length, at, blocks, source, numbers, y_map, first, here, weights, offsets, value, columns):
+    """The same by way of strips of blocks: for many taps, whose rows are far apart in memory, and for rows that are the constant."""
+    loaded = here + len(weights) - 1
+    for x in range(0, numbers, _STRIP * columns):
+        count = min(_STRIP * columns, numbers - x)
+        _load_strip(blocks, source, y_map, first, loaded, x, count, numbers, value, columns)
+        for k in range(0, count, columns):
+            for y in range(here):
+                weighted_sums(sums, y * length + at + x + k, blocks, k * loaded + y * columns, offsets, weights)
+
+
 @jit.parallel_kernel
-def _separable(queue, workers, source, out, height, width, channels, y_map, y_weights, x_map, before, x_weights, value, beside, rows, columns, length,
-               short, y_places, y_offsets, x_offsets, scratch, all_offsets, zeros, odd):  # fmt: skip
+def _separable(queue, workers, source, out, height, width, channels, y_map, y_weights, x_map, before, x_weights, value, beside, chunk, rows,
+               columns, length, short, y_places, y_offsets, x_offsets, scratch, all_offsets, zeros, odd):  # fmt: skip
     own = scratch[jit.take(workers)]
     all_offsets, zeros, odd = jit.borrow(all_offsets), jit.borrow(zeros), jit.borrow(odd)
     sums, blocks, spare = jit.borrow(own[: rows * length]), jit.borrow(own[rows * length : len(own) - columns]), jit.borrow(own[len(own) - columns :])
@@ -105,36 +129,21 @@ def _separable(queue, workers, source, out, height, width, channels, y_map, y_we
     y_weights, x_weights, y_offsets, x_offsets = jit.borrow(y_weights), jit.borrow(x_weights), jit.borrow(y_offsets), jit.borrow(x_offsets)
     y_places = jit.borrow(y_places)
     numbers = width * channels
-    first = jit.take(queue) * rows
-    while first < height:
-        here = min(rows, height - first)
-        loaded = here + len(y_weights) - 1
-        if short and numbers >= columns and y_map[first] >= 0 and y_map[first + loaded - 1] >= 0:
-            wide = min(_NARROW * columns, numbers)  # so few columns of all rows stay in the first cache
-            for left in range(0, numbers, wide):
-                x = min(left, numbers - wide)
-                for y in range(here):
-                    places = y_places[first + y : first + y + len(y_weights)]
-                    _sum_row(sums, y * length + before * channels + x, wide, source, x, places, y_weights, columns, spare)
+    start = jit.take(queue) * chunk
+    while start < height:
+        end = min(start + chunk, height)
+        for first in range(start, end, rows):
+            here = min(rows, end - first)
+            if short and numbers >= columns and y_map[first] >= 0 and y_map[first + here + len(y_weights) - 2] >= 0:
+                _columns_in_place(sums, length, before * channels, source, numbers, y_places, first, here, y_weights, columns, spare)
+            else:
+                _columns_in_strips(sums, length, before * channels, blocks, source, numbers, y_map, first, here, y_weights, y_offsets, value, columns)
             for y in range(here):
                 _extend_row(sums, y * length, before, width, channels, x_map, beside)
                 _sum_row(out, (first + y) * numbers, numbers, sums, y * length, x_offsets, x_weights, columns, spare)
                 if not all_finite(out, (first + y) * numbers, numbers, all_offsets, zeros, spare):
                     odd[0] = 1
-            first = jit.take(queue) * rows
-            continue
-        for x in range(0, numbers, _STRIP * columns):
-            count = min(_STRIP * columns, numbers - x)
-            _load_strip(blocks, source, y_map, first, loaded, x, count, numbers, value, columns)
-            for k in range(0, count, columns):
-                for y in range(here):
-                    weighted_sums(sums, y * length + before * channels + x + k, blocks, k * loaded + y * columns, y_offsets, y_weights)
-        for y in range(here):
-            _extend_row(sums, y * length, before, width, channels, x_map, beside)
-            _sum_row(out, (first + y) * numbers, numbers, sums, y * length, x_offsets, x_weights, columns, spare)
-            if not all_finite(out, (first + y) * numbers, numbers, all_offsets, zeros, spare):
-                odd[0] = 1
-        first = jit.take(queue) * rows
+        start = jit.take(queue) * chunk
 
 
 @jit.part
@@ -225,13 +234,14 @@ def separable(image: Array, out: Array, y_map: Array, y_weights: Array, x_map: A
     short = len(y_weights) <= _SHORT
     rows = int(np.clip((_SCRATCH >> 2 * short) // (length * dtype.itemsize), 8, 64))
     rows = max(1, min(rows, -(-height // threads)))
-    threads = max(1, min(threads, -(-height // rows)))
+    chunk = rows * max(1, height // (rows * threads * _CHUNKS))  # neighbouring bands share rows: they go to one thread
+    threads = max(1, min(threads, -(-height // chunk)))
     workers, scratch = _scratch(threads, rows * length + (rows + len(y_weights)) * _STRIP * columns + columns, dtype)
     odd = np.zeros(1, np.int64)
     beside = value * float(y_weights.sum())
     y_offsets, x_offsets = columns * np.arange(len(y_weights)), channels * np.arange(len(x_weights))
     jit.run(_separable, threads, workers, image.reshape(-1), out.reshape(-1), height, width, channels, y_map, y_weights, x_map, before, x_weights,
-            dtype.type(value), dtype.type(beside), rows, columns, length, short, y_map * (width * channels), y_offsets, x_offsets, scratch,
+            dtype.type(value), dtype.type(beside), chunk, rows, columns, length, short, y_map * (width * channels), y_offsets, x_offsets, scratch,
             *whole_blocks(width * channels, dtype), odd)  # fmt: skip
     return not odd[0]
 

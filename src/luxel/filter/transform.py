@@ -86,12 +86,13 @@ def _direct_rows(array: Array, sign: int, first: int, last: int, threads: int | 
     return out.view(wide)[..., 0]
 
 
-def fft2(image: object, threads: int | None = None) -> Array:
+def fft2(image: object, threads: int | None = None, overwrite: bool = False) -> Array:
     """The discrete Fourier transform of (h, w) or (..., h, w), any sizes, over the last two axes.
 
     Args:
         image: Real or complex; float32 and complex64 stay in single precision. Planes (channels) come first.
         threads: None: all cores.
+        overwrite: Complex planes may be destroyed: they are transformed in place, which saves memory.
 
     Returns:
         complex64 or complex128, of the same shape.
@@ -101,7 +102,7 @@ def fft2(image: object, threads: int | None = None) -> Array:
     """
     import scipy.fft
 
-    return scipy.fft.fft2(_planes(image), workers=jit.checked_threads(threads))
+    return scipy.fft.fft2(_planes(image), workers=jit.checked_threads(threads), overwrite_x=overwrite)
 
 
 def ifft2(spectrum: object, threads: int | None = None, overwrite: bool = False) -> Array:

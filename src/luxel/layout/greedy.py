@@ -21,6 +21,8 @@ end (see docs/decisions/0008-mesh-layout.md).
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from luxel import jit
@@ -207,8 +209,9 @@ def _fitted(age: Array, c1: Array, left: Array, cache: int) -> Array:
     return np.ascontiguousarray(cost, np.float32)
 
 
+@lru_cache(64)
 def cost_table(name: str, weights: tuple[float, ...] | None, cache: int) -> Array:
-    """(cache, OPEN, LEFT) float32: the cost of a vertex by age, open corners and triangles left - 1.
+    """(cache, OPEN, LEFT) float32, read-only: the cost of a vertex by age, open corners and triangles left - 1.
 
     Args:
         name: "greedy", "lin-yu" or "greedy-2016".
@@ -218,11 +221,16 @@ def cost_table(name: str, weights: tuple[float, ...] | None, cache: int) -> Arra
     age, opened, left = np.ogrid[:cache, :OPEN, 1 : LEFT + 1]
     c1 = np.where(opened > 0, np.maximum(opened - left + 1, 0), 0)
     if name == "greedy":
-        return _fitted(age, c1, left, cache)
+        return _read_only(_fitted(age, c1, left, cache))
     k1, k2, k3, gone = (*(weights or WEIGHTS[name]), WEIGHTS[name][3])[:4]
     c3 = np.where(age + c1 <= cache, 1 - (age + c1) / cache, gone)
     cost = k1 * c1 - k2 * left + k3 * c3 if name == "lin-yu" else k1 * c1 + k2 / left + k3 * c3 + c1 / left
-    return np.ascontiguousarray(np.broadcast_to(cost, (cache, OPEN, LEFT)), np.float32)
+    return _read_only(np.ascontiguousarray(np.broadcast_to(cost, (cache, OPEN, LEFT)), np.float32))
+
+
+def _read_only(table: Array) -> Array:
+    table.flags.writeable = False
+    return table
 
 
 def greedy(faces: Array, rows: Adjacency, cache: int, costs: Array) -> Array:

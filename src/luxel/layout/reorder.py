@@ -18,9 +18,10 @@ from luxel.layout.checks import MOST_INDICES, SMALLEST_CACHE, checked_cache, che
 from luxel.layout.forsyth import forsyth
 from luxel.layout.gather import gather
 from luxel.layout.greedy import cost_table, greedy
-from luxel.layout.lookahead import DEPTH, SEARCH_WEIGHTS, WIDTH, look_ahead, risk_table
+from luxel.layout.lookahead import DEPTH, SEARCH_WEIGHTS, WIDTH, look_ahead
 from luxel.layout.partition import in_parts, part_size
 from luxel.layout.patches import patches
+from luxel.layout.risk import risk_table
 from luxel.layout.simple import morton, shuffled
 from luxel.layout.tipsify import tipsify
 
@@ -106,7 +107,7 @@ def _greedy(job: _Job, name: str) -> Array:
 
 def _patches(job: _Job) -> Array:
     model = job.model if job.model and job.model.warp and job.model.group else batch.MODELS["nvidia"]
-    return job.in_parts(lambda faces, rows: patches(faces, rows, model))
+    return patches(job.faces, job.rows, model)  # not in parts: a part that ends within a batch would shift all batches after it
 
 
 def _look_ahead(job: _Job) -> Array:

@@ -41,7 +41,7 @@ def _tipsify(faces, start, rows, cache, vertex, drawn, recent, source, triangles
     for v in range(n):
         vertex[v, _STAMP], vertex[v, _LEFT] = 0, start[v + 1] - start[v]
     now, done, seen, cursor = np.int64(cache), np.uint64(0), np.uint64(0), np.uint64(0)
-    one, focus = np.uint64(1), _NONE
+    one, focus, last = np.uint64(1), _NONE, _NONE
     while done < m:
         if focus == _NONE:
             while vertex[cursor, _LEFT] == 0:
@@ -62,9 +62,9 @@ def _tipsify(faces, start, rows, cache, vertex, drawn, recent, source, triangles
                     if now - vertex[v, _STAMP] >= cache:
                         now += 1
                         vertex[v, _STAMP] = now
-                    if v != focus:
-                        recent[seen] = v
-                        seen += one
+                    recent[seen] = v
+                    seen += np.uint64((v != focus) & (v != last))  # neighbours in a fan share an edge
+                    last = v
                 done += one
         focus = _next_of_fan(recent, first, seen, vertex, now, cache)
         while focus == _NONE and seen > 0:
