@@ -1,6 +1,8 @@
 """Arrays whose memory is used again."""
 
 import gc
+import pickle
+import sys
 import threading
 
 import numpy as np
@@ -79,3 +81,31 @@ def test_threads_share_it():
     for thread in threads:
         thread.join()
     assert not wrong
+
+
+def test_collecting_garbage_meanwhile_is_no_error(monkeypatch):
+    """Arrays in cycles come back while the pool is counted."""
+    errors = []
+    monkeypatch.setattr(sys, "unraisablehook", errors.append)
+    before = gc.get_threshold()
+    gc.set_threshold(20, 2, 2)
+    try:
+        for _ in range(3000):
+            cycle = [reusable((LARGE + 64,), np.uint8)]
+            cycle.append(cycle)
+            del cycle
+    finally:
+        gc.set_threshold(*before)
+    assert not errors
+
+
+def test_a_child_and_a_copy_have_their_own():
+    array = reusable((LARGE,), np.uint8)
+    array[:] = 3
+    copy = pickle.loads(pickle.dumps(array))
+    view = memoryview(array)
+    del array
+    gc.collect()
+    reusable((LARGE,), np.uint8)[:] = 9
+    assert (copy == 3).all()
+    assert bytes(view[:10]) == bytes([3] * 10)

@@ -320,9 +320,10 @@ def checked_threads(threads: object) -> int:
         return available_threads()
     try:
         number = int(threads)  # type: ignore[call-overload]
-    except (TypeError, ValueError):
-        number = 0
-    if number < 1:
+        whole = isinstance(threads, str) or number == threads
+    except (TypeError, ValueError, OverflowError):
+        number, whole = 0, False
+    if number < 1 or not whole or isinstance(threads, bool):
         raise InputError(f"threads: expected a whole number of at least 1, got {threads!r}")
     return number
 

@@ -21,7 +21,8 @@ MOST_IDLE = 256 << 20
 """Bytes that are kept while nobody uses them."""
 
 _ALIGNMENT = 64
-_idle: deque[Array] = deque()  # its own operations are atomic: arrays come back from any thread, and while garbage is collected
+# The latest so many pieces at most. Its own operations are atomic: arrays come back from any thread, and while garbage is collected.
+_idle: deque[Array] = deque(maxlen=64)
 
 
 class _Lease:
@@ -39,7 +40,7 @@ class _Lease:
         try:
             while sum(map(len, tuple(idle))) > most:
                 idle.popleft()
-        except IndexError:  # another thread was quicker
+        except (IndexError, RuntimeError):  # another thread, or a collection in between, changed it: the next one trims
             pass
 
 

@@ -194,7 +194,7 @@ def is_rearranged(result, faces):
 @pytest.mark.parametrize("target", [{"cache": 12}, {"cache": 24, "policy": "lru"}, {"profile": "amd"}])
 def test_sorting_keeps_its_limit_and_brings_less(target):
     mesh = torus(segments=90, sides=50)
-    faces = order(mesh.triangles, len(mesh.positions), "tipsify", **target).triangles
+    faces = order(mesh.triangles, len(mesh.positions), "lin-yu", **target).triangles  # which leaves overdraw to chance
     found = sort_clusters(faces, mesh.positions, limit=1.12, **target)
     assert is_rearranged(found, faces)
     assert 1 <= found.cost <= 1.12

@@ -95,7 +95,8 @@ from test_invariance import NAMES, digest, random_scene
 from scenes import around, room
 assert jit.DISABLED == {disabled}
 camera = around(1.0, 2.0, near=0.5)
-print(digest(luxel.render(random_scene(60, 3), camera, (20, 17), samples=4, tile=8, threads=2, outputs=NAMES)))
+picture = luxel.render(random_scene(60, 3), camera, (20, 17), samples=4, tile=8, threads=2, outputs=("color", *NAMES))
+print(digest(picture), picture.color.tobytes().hex())
 print(digest(luxel.render(room(1), around(0.3, 2.0, near=1.0), (12, 10), samples=2, tile=8, outputs=NAMES)))
 """
 
@@ -109,5 +110,5 @@ def test_without_compiled_kernels():
         done = subprocess.run([sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, env=environment)
         assert done.returncode == 0, done.stderr[-3000:]
         found.append(done.stdout.split())
-    assert len(found[0]) == 2
+    assert len(found[0]) == 3
     assert found[0] == found[1]

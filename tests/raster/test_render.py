@@ -317,6 +317,8 @@ def test_impossible_vertices_in_a_moved_mesh_without_normals(bad):
     ({"background": (0, -0.1, 0)}, "RGB of at least 0"), ({"background": (0, 0, 0, 1.1)}, "alpha from 0 to 1"), ({"background": "white"}, "'white'"),
     ({"background": (0, 0, 0, -0.1)}, "alpha"), ({"samples": "4"}, "expected 1, 2, 4, 8 or 16, got '4'"), ({"samples": 4.0}, "got 4.0"),
     ({"outputs": ()}, "outputs"), ({"exposure": np.inf}, "exposure"), ({"threads": 0}, "threads"), ({"threads": "many"}, "threads"),
+    ({"threads": np.inf}, "threads"), ({"threads": 2.7}, "threads"), ({"threads": True}, "threads"), ({"outputs": None}, "outputs"),
+    ({"pattern": "foo"}, "pattern"), ({"filter": "lowpass", "ssaa": 8, "size": (4000, 4000)}, "at most 134 million samples"),
     ({"tile": 48}, "tile"), ({"tile": 64.0}, "tile"), ({"camera": "front"}, "camera"), ({"samples": [4]}, "samples"), ({"filter": ["box"]}, "filter"),
 ])  # fmt: skip
 def test_wrong_values_are_named(options, message):

@@ -42,6 +42,7 @@ OUTPUTS = ("color", "linear", *SHAPES)
 LOWPASS = "lowpass"
 _WINDOW = MAX_SIZE // 2
 _BAND_BYTES = 96 << 20
+_LOWPASS_MOST = 1 << 27  # samples; 2 GB of linear light, and some more to filter it
 _NO_COLOR, _NO_LINEAR, _NO_SAMPLES = np.empty((0, 0), np.uint32), np.empty((0, 0, 4), np.float32), np.empty((0, 0), np.float32)
 
 
@@ -66,7 +67,11 @@ class Options:
     fill: Array = field(init=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "outputs", (self.outputs,) if isinstance(self.outputs, str) else tuple(self.outputs))
+        if isinstance(self.outputs, str):
+            object.__setattr__(self, "outputs", (self.outputs,))
+        if not isinstance(self.outputs, Iterable):
+            raise InputError(f"outputs: expected some of {', '.join(OUTPUTS)}; got {self.outputs!r}")
+        object.__setattr__(self, "outputs", tuple(self.outputs))
         for name in self.outputs:
             if name not in OUTPUTS:
                 raise InputError(f"outputs: expected some of {', '.join(OUTPUTS)}; got {name!r}")
@@ -91,6 +96,8 @@ class Options:
 def _pattern(samples: int, pattern: str, ssaa: int) -> Array:
     if not (isinstance(ssaa, (int, np.integer)) and 1 <= ssaa <= 8):
         raise InputError(f"ssaa: expected a whole number from 1 to 8, got {ssaa!r}")
+    if pattern not in ("standard", "grid"):
+        raise InputError(f"pattern: expected standard or grid, got {pattern!r}")
     if ssaa == 1:
         return sample_pattern(samples, pattern)
     if samples != 1:
@@ -179,8 +186,7 @@ def render(scene: Any, camera: Camera | None = None, size: tuple[int, int] = (12
         InputError: A value that cannot be drawn with.
         FileError: The file to load is missing or broken.
     """
-    options = Options(samples, pattern, ssaa, filter, background, tuple(outputs) if not isinstance(outputs, str) else (outputs,), exposure,
-                      threads, tile)  # fmt: skip
+    options = Options(samples, pattern, ssaa, filter, background, outputs, exposure, threads, tile)  # type: ignore[arg-type]
     started = time.perf_counter()
     prepared = _prepared(scene, shading, cull)
     draw = _draw_lowpassed if options.filter == LOWPASS else _draw
@@ -325,6 +331,9 @@ def _draw_lowpassed(prepared: Prepared, camera: Camera | None, size: tuple[int, 
     from luxel.filter.light import encode
 
     rate, threads = options.ssaa, options.threads or 1
+    if size[0] * size[1] * rate**2 > _LOWPASS_MOST:
+        most = f"{_LOWPASS_MOST / 1e6:.0f} million samples"
+        raise InputError(f"filter: {LOWPASS} holds the finer picture whole: expected at most {most}, got {rate * size[0]} x {rate * size[1]}")
     camera = camera or camera_for(prepared.scene, size)
     plain = replace(options, ssaa=1, filter="box", outputs=("linear",))
     picture = _draw(prepared, camera, (rate * size[0], rate * size[1]), plain, None, progress)

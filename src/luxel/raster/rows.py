@@ -1,6 +1,7 @@
 """Runs of fragments, eight at a time, in LLVM's vector instructions: finding them in a row of ids, and filling rows of a batch for them.
 
 Runs are short (a triangle's width), too short for the compiler's vectoriser, whose loops take 32 elements a turn and the rest one by one.
+Positions x are multiples of 1/256 below 2^15, or stand for a single fragment: so x + k is exact in whatever order it is added up.
 Whole groups of eight are written: what goes beyond a run is written again by the next. So rows need `LANES` spare elements.
 """
 

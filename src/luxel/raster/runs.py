@@ -30,9 +30,8 @@ SETUPS = 1024
 _SPREAD, _LOW, _SHIFT = np.uint64(0x9E3779B1), np.uint64(0xFFFFFFFF), np.uint64(32 - (2 * SETUPS - 1).bit_length())
 
 
-
 class Runs(NamedTuple):
-    """The runs of a batch; (FRAGMENTS + 1,) each.
+    """The runs of a batch; (FRAGMENTS,) each, but `head`, which is one longer.
 
     Attributes:
         head: int32, its first fragment; the run after the last has the number of fragments.
@@ -40,7 +39,7 @@ class Runs(NamedTuple):
         setup: int32, where its triangle is set up.
         mask: uint64, the samples that its fragments have.
         x, y: float32, place of its first fragment in pixels from the tile's corner; the others lie 1 apart.
-        edge: int32, scratch of `shade`.
+        edge: int32, scratch of `shade`: the pixels that several triangles share, once each.
     """
 
     head: Array
@@ -59,7 +58,7 @@ class Setups(NamedTuple):
         triangle: (SETUPS,) int32, drawn triangle.
         material: (SETUPS,) int32, row of the material table.
         stored: (SETUPS, STORED) float32, what `fragments` stores of it.
-        table: (2 * SETUPS,) int32, finds a triangle by its low bits.
+        table: (2 * SETUPS,) int32, where a triangle may be set up, by a hash of its number.
         sources: (FRAGMENTS, 4) int32, scratch: source triangle and vertices.
         same: (MOST_SAMPLES * WORD,) int32, scratch: for each sample and pixel, the bits of the samples that have the same triangle.
         mean: (256, 2) float32, mean place in the pixel, in pixels, of the samples in a mask; of up to 8 samples.

@@ -15,7 +15,7 @@ from luxel import jit
 from luxel.arrays import Array
 from luxel.jit import count_bits, lowest_bit
 from luxel.raster.bin import Bins, Clipped
-from luxel.raster.channels import CR, EB, EG, ER, FRAGMENTS, FRONT, LE, NX, OA, OB, OG, OR, PITCH, PX
+from luxel.raster.channels import CR, EB, EG, ER, FRAGMENTS, FRONT, LE, NX, OA, OB, OG, OR, PITCH, PX, TX
 from luxel.raster.encode import encode, pack, srgb_code, unit_code
 from luxel.raster.fragments import SIZE, STORED, Eye, attributes, set_up, view_vectors
 from luxel.raster.geometry import Geometry
@@ -29,7 +29,7 @@ from luxel.raster.surface import surface
 _F = np.float32
 
 
-_ER, _EG, _EB, _LE, _OR, _OG, _OB = (np.uint64(row) for row in (ER, EG, EB, LE, OR, OG, OB))
+_ER, _EG, _EB, _LE, _OR, _OG, _OB, _OA = (np.uint64(row) for row in (ER, EG, EB, LE, OR, OG, OB, OA))
 
 
 class Target(NamedTuple):
@@ -92,13 +92,13 @@ def lay_over(g, n, exposure, background, codes):
     """Encode `n` pixels, premultiplied in ER EG EB and LE (alpha), over the background."""
     br, bg, bb, ba = background[0], background[1], background[2], background[3]
     for k in range(np.uint64(0), np.uint64(n)):
-        alpha = g[np.uint64(LE) + k]
+        alpha = g[_LE + k]
         under = _F(1.0) - alpha
         alpha = alpha + under * ba
         inverse = _F(1.0) / max(alpha, _F(1e-30))
-        red = srgb_code((g[np.uint64(ER) + k] * exposure + under * br) * inverse)
-        green = srgb_code((g[np.uint64(EG) + k] * exposure + under * bg) * inverse)
-        blue = srgb_code((g[np.uint64(EB) + k] * exposure + under * bb) * inverse)
+        red = srgb_code((g[_ER + k] * exposure + under * br) * inverse)
+        green = srgb_code((g[_EG + k] * exposure + under * bg) * inverse)
+        blue = srgb_code((g[_EB + k] * exposure + under * bb) * inverse)
         codes[k] = pack(red, green, blue, unit_code(alpha))
 
 
@@ -110,10 +110,10 @@ def add_to_pixels(g, r, runs, samples, pixels, sums):
         first, count, pixel = np.uint64(r.head[run]), np.uint64(r.head[run + 1] - r.head[run]), np.uint64(r.pixel[run])
         for k in range(np.uint64(0), count):
             i, p = first + k, pixel + k
-            alpha = g[np.uint64(OA) + i] * share
-            sums[p] += g[np.uint64(OR) + i] * alpha
-            sums[np.uint64(pixels) + p] += g[np.uint64(OG) + i] * alpha
-            sums[np.uint64(2 * pixels) + p] += g[np.uint64(OB) + i] * alpha
+            alpha = g[_OA + i] * share
+            sums[p] += g[_OR + i] * alpha
+            sums[np.uint64(pixels) + p] += g[_OG + i] * alpha
+            sums[np.uint64(2 * pixels) + p] += g[_OB + i] * alpha
             sums[np.uint64(3 * pixels) + p] += alpha
 
 
@@ -128,11 +128,11 @@ def lay_over_samples(g, r, runs, samples, pixels, colors):
             rest &= rest - np.uint64(1)
             for k in range(np.uint64(0), count):
                 i, p = first + k, start + k
-                alpha = g[np.uint64(OA) + i]
+                alpha = g[_OA + i]
                 under = _F(1.0) - alpha
-                colors[p] = g[np.uint64(OR) + i] * alpha + colors[p] * under
-                colors[plane + p] = g[np.uint64(OG) + i] * alpha + colors[plane + p] * under
-                colors[plane + plane + p] = g[np.uint64(OB) + i] * alpha + colors[plane + plane + p] * under
+                colors[p] = g[_OR + i] * alpha + colors[p] * under
+                colors[plane + p] = g[_OG + i] * alpha + colors[plane + p] * under
+                colors[plane + plane + p] = g[_OB + i] * alpha + colors[plane + plane + p] * under
                 colors[plane + plane + plane + p] = alpha + colors[plane + plane + plane + p] * under
 
 
@@ -181,14 +181,16 @@ def _shade(queue, first_tile, last_tile, across, tile, width, height, occupied, 
     screen, screen_f, clipped_f, pattern = jit.borrow(screen), jit.borrow(screen_f), jit.borrow(clipped_f), jit.borrow(pattern)
     ids, eye, background, target = jit.borrow(all_ids), jit.borrow(eye), jit.borrow(background), jit.borrow(target)
     samples, pixels = len(pattern), tile * tile
-    own_g, own_sums, own_codes = np.zeros(SIZE, np.float32), np.zeros(4 * pixels, np.float32), np.zeros(FRAGMENTS + LANES, np.uint32)
+    own_g, own_sums, own_codes = np.empty(SIZE, np.float32), np.zeros(4 * pixels, np.float32), np.empty(FRAGMENTS + LANES, np.uint32)
+    own_g[TX : TX + 4 * PITCH] = _F(0.0)  # where meshes have no tangents
     own_runs = Runs(
-        np.zeros(FRAGMENTS + 1, np.int32), np.zeros(FRAGMENTS, np.int32), np.zeros(FRAGMENTS, np.int32), np.zeros(FRAGMENTS, np.uint64),
-        np.zeros(FRAGMENTS, np.float32), np.zeros(FRAGMENTS, np.float32), np.zeros(FRAGMENTS, np.int32),
+        head=np.empty(FRAGMENTS + 1, np.int32), pixel=np.empty(FRAGMENTS, np.int32), setup=np.empty(FRAGMENTS, np.int32),
+        mask=np.empty(FRAGMENTS, np.uint64), x=np.empty(FRAGMENTS, np.float32), y=np.empty(FRAGMENTS, np.float32),
+        edge=np.empty(FRAGMENTS, np.int32),
     )  # fmt: skip
     own_setups = Setups(
-        np.zeros(SETUPS, np.int32), np.zeros(SETUPS, np.int32), np.zeros((SETUPS, STORED), np.float32), np.zeros(2 * SETUPS, np.int32),
-        np.zeros((FRAGMENTS, 4), np.int32), np.zeros(MOST_SAMPLES * WORD, np.int32), mean,
+        triangle=np.empty(SETUPS, np.int32), material=np.empty(SETUPS, np.int32), stored=np.empty((SETUPS, STORED), np.float32),
+        table=np.zeros(2 * SETUPS, np.int32), sources=np.empty((FRAGMENTS, 4), np.int32), same=np.empty(MOST_SAMPLES * WORD, np.int32), mean=mean,
     )  # fmt: skip
     own_material = np.full(FRAGMENTS, geometry.part_material[0] if len(geometry.part_material) > 0 else 0, np.int32)
     g, sums, codes, r, setups = jit.borrow(own_g), jit.borrow(own_sums), jit.borrow(own_codes), jit.borrow(own_runs), jit.borrow(own_setups)
@@ -230,7 +232,7 @@ def _shade(queue, first_tile, last_tile, across, tile, width, height, occupied, 
             write_tile(sums, empty, tile, left + px, top + py, wide, high, exposure, background, target.color, target.linear)
         number = first_tile + jit.take(queue)
     # The scratch must live until here: borrowing does not keep it.
-    own_g[0] = own_sums[0] + own_runs.head[0] + own_setups.table[0] + own_codes[0] + own_material[0]
+    own_g[0] = len(own_sums) + len(own_runs.head) + len(own_setups.table) + len(own_codes) + len(own_material)
 
 
 def shade(bins: Bins, occupied: Array, first_tile: int, last_tile: int, width: int, height: int, ids: Array, pattern: Array,
