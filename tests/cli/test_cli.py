@@ -452,6 +452,28 @@ def test_the_first_run_says_that_it_compiles(tmp_path):
     assert second.stderr == ""
 
 
+INTERRUPTED_IN_DISGUISE = """
+import os, signal, sys
+import luxel.cli, luxel.cli.app
+
+def command():
+    try:
+        os.kill(os.getpid(), signal.SIGINT)
+        import time; time.sleep(5)
+    except KeyboardInterrupt as error:
+        raise RuntimeError("made of an interrupt by what it went through") from error
+
+luxel.cli.app.command = command
+sys.exit(luxel.cli.main())
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
+def test_an_interrupt_that_became_another_exception_is_one():
+    done = subprocess.run([sys.executable, "-c", INTERRUPTED_IN_DISGUISE], capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "luxel: interrupted\n")
+
+
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 def test_interrupt_leaves_no_file_behind(tmp_path):
     command = [sys.executable, "-m", "luxel", "demo", "--size", "6000x6000", "-o", str(tmp_path / "big.png")]

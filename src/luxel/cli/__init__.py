@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 import warnings
 from collections.abc import Sequence
@@ -21,6 +22,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: Words after `luxel`; None takes the process's own.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
+    if arguments is None and signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # not where interrupts are ignored
+        signal.signal(signal.SIGINT, _note_interrupt)
     if "--traceback" in words:  # it may stand anywhere
         words.remove("--traceback")
         words.insert(0, "--traceback")
@@ -30,6 +33,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if code == INTERRUPTED and arguments is None:
         os._exit(code)  # at once: not after kernels that still run, and not by the signal, as CPython may choose to
     return code
+
+
+_interrupts: list[int] = []
+
+
+def _note_interrupt(number: int, frame: object) -> None:
+    """Raise KeyboardInterrupt, and remember: what it goes through may make another exception of it."""
+    _interrupts.append(number)
+    raise KeyboardInterrupt
 
 
 def _guarded(words: list[str]) -> int:
@@ -49,6 +61,9 @@ def _guarded(words: list[str]) -> int:
     except MemoryError as error:
         return _fail(f"not enough memory: {error or 'no more could be had'}", 1, words, error)
     except Exception as error:
+        if _interrupts:
+            print("luxel: interrupted", file=sys.stderr)  # noqa: T201
+            return INTERRUPTED
         usage = getattr(error, "format_message", None)  # typer's own errors, wherever this version of it keeps them
         if usage:
             return _fail(_suggested(error, usage(), words), 2, words, error)
