@@ -20,7 +20,7 @@ import numpy as np
 from luxel.arrays import Array
 from luxel.errors import FileError
 from luxel.io.files import atomic_write, tell
-from luxel.io.gltf.accessors import _strided
+from luxel.io.gltf.accessors import _strided, sparse_parts
 from luxel.io.gltf.document import Document, Part, file_name
 
 _COMPONENT = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
@@ -64,12 +64,7 @@ def base(document: Document, index: int, asked_by: str) -> Array | None:
 
 def sparse_rows(document: Document, sparse: Part, count: int, size: int) -> tuple[Array, Array]:
     """Rows (k,) int64 and their elements (k, size) uint8."""
-    where, what = sparse.part("indices"), sparse.part("values")
-    if where is None or what is None:
-        raise FileError(sparse.where, "indices and values: expected both")
-    code = where.integer("componentType")
-    if code not in (5121, 5123, 5125):
-        raise FileError(where.where, f"componentType: expected 5121, 5123 or 5125, got {code}")
+    where, what, code = sparse_parts(sparse)
     number = sparse.integer("count", low=1)
     width = _COMPONENT[code]
     rows = _bytes(document, where, number, width).copy().view(f"<u{width}")[:, 0].astype(np.int64)

@@ -23,7 +23,7 @@ from luxel.io.polygons import triangulate, unify
 from luxel.io.text import parse, table_lines, words_per_line
 from luxel.layout.clean import vertex_rows
 from luxel.layout.measure import Draw
-from luxel.layout.optimize import Options, Progress, Report, lay_out
+from luxel.layout.optimize import Options, Progress, Report, lay_out, tell_polygons
 from luxel.layout.same import Soup
 
 _TABLES = (b"v", b"vt", b"vn")
@@ -214,12 +214,7 @@ def optimize(path: Path, options: Options, report: Report, progress: Progress | 
         FileError: A line is malformed, or names what is not there.
     """
     content = Content(path)
-    polygons = int(np.count_nonzero(content.counts > 3))
-    if polygons:
-        tell(content.where, f"{polygons} polygons with more than 3 corners become triangles")
-    few = int(np.count_nonzero(content.counts < 3))
-    if few:
-        tell(content.where, f"{few} faces with fewer than 3 corners are dropped")
+    tell_polygons(content.where, content.counts)
     named, lists = content.vertices()
     points = np.ascontiguousarray(content.tables[b"v"][:, :3][named[:, 0]], np.float32) if len(named) else np.zeros((0, 3), np.float32)
     laid = lay_out(lists, len(named), options, report, points, lambda: content.rows(named), progress=progress)

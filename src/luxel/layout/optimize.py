@@ -19,6 +19,7 @@ from luxel import jit
 from luxel.arrays import Array, checked
 from luxel.errors import InputError
 from luxel.io import load
+from luxel.io.files import tell
 from luxel.io.flatten import placed
 from luxel.layout import clean
 from luxel.layout.batch import Model, model_of
@@ -128,6 +129,15 @@ class Laid(NamedTuple):
     triangle_source: list[Array]
     vertex_source: Array
     vertex_target: Array
+
+
+def tell_polygons(where: object, counts: Array) -> None:
+    """Say what becomes of the faces of a file that are no triangles; `counts` (f,) are their corners."""
+    polygons, few = int(np.count_nonzero(counts > 3)), int(np.count_nonzero(counts < 3))
+    if polygons:
+        tell(where, f"{polygons} polygons with more than 3 corners become triangles")
+    if few:
+        tell(where, f"{few} faces with fewer than 3 corners are dropped")
 
 
 def lay_out(lists: Sequence[Array], vertex_count: int, options: Options, report: Report, positions: Array | None = None,

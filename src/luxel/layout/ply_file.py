@@ -15,13 +15,13 @@ import numpy as np
 
 from luxel.arrays import Array
 from luxel.errors import FileError
-from luxel.io.files import atomic_write, open_plain, tell
+from luxel.io.files import atomic_write, open_plain
 from luxel.io.ply import _INDEX_NAMES, _integers, _read_header
 from luxel.io.ply_rows import Columns, Element, Lists, Property, _fields, ascii_reader, binary_reader
 from luxel.io.polygons import strip, triangulate
 from luxel.layout.clean import vertex_rows
 from luxel.layout.measure import Draw
-from luxel.layout.optimize import Options, Progress, Report, lay_out
+from luxel.layout.optimize import Options, Progress, Report, lay_out, tell_polygons
 from luxel.layout.same import Soup
 
 _NAMES_VERTICES = ("vertex1", "vertex2", *_INDEX_NAMES)
@@ -167,12 +167,7 @@ def optimize(path: Path, options: Options, report: Report, progress: Progress | 
         FileError: The file is malformed, or a face names a vertex that is not there.
     """
     content = Content(path)
-    polygons = int(np.count_nonzero(content.counts > 3))
-    if polygons:
-        tell(content.where, f"{polygons} polygons with more than 3 corners become triangles")
-    few = int(np.count_nonzero(content.counts < 3))
-    if few:
-        tell(content.where, f"{few} faces with fewer than 3 corners are dropped")
+    tell_polygons(content.where, content.counts)
     others = [e for e in content.elements if e is not content.vertices and e is not content.faces]
     needed = [_numbers(content.columns[e.name][p.name], content.count) for e in others for p in e.properties if p.name in _NAMES_VERTICES and e.rows]
     laid = lay_out([content.faces_by_vertex()], content.count, options, report, content.positions(), content.rows,

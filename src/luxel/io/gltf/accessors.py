@@ -61,15 +61,25 @@ def _strided(document: Document, part: Part, view: int, offset: int, count: int,
     return values if values.flags.aligned else values.copy()
 
 
-def _with_sparse(document: Document, sparse: Part, values: Array) -> Array:
-    """A copy of `values` with the sparse ones put in."""
-    count = sparse.integer("count", low=1)
+def sparse_parts(sparse: Part) -> tuple[Part, Part, int]:
+    """Where the rows of a sparse accessor are told, where their values, and the component type of the rows.
+
+    Raises:
+        FileError: One of them is missing, or the rows are no unsigned integers.
+    """
     where, what = sparse.part("indices"), sparse.part("values")
     if where is None or what is None:
         raise FileError(sparse.where, "indices and values: expected both")
     code = where.integer("componentType")
     if code not in (5121, 5123, 5125):
         raise FileError(where.where, f"componentType: expected 5121, 5123 or 5125, got {code}")
+    return where, what, code
+
+
+def _with_sparse(document: Document, sparse: Part, values: Array) -> Array:
+    """A copy of `values` with the sparse ones put in."""
+    count = sparse.integer("count", low=1)
+    where, what, code = sparse_parts(sparse)
     rows = _strided(
         document,
         where,
