@@ -56,7 +56,7 @@ def whole_blocks(count: int, dtype: object) -> tuple[Array, Array]:
 
 
 @jit.part
-def _sum_row(out, at, count, x, start, offsets, weights, width, spare):
+def sum_row(out, at, count, x, start, offsets, weights, width, spare):
     """`count` sums into out[at:], in blocks of `width`; the last block overlaps the one before, or, where there is none, goes through `spare`."""
     if count < width:
         weighted_sums(spare, 0, x, start, offsets, weights)
@@ -104,7 +104,7 @@ def _columns_in_place(sums, length, at, source, numbers, places, first, here, we
         x = min(left, numbers - wide)
         for y in range(here):
             rows = places[first + y : first + y + len(weights)]
-            _sum_row(sums, y * length + at + x, wide, source, x, rows, weights, columns, spare)
+            sum_row(sums, y * length + at + x, wide, source, x, rows, weights, columns, spare)
 
 
 @jit.part
@@ -140,7 +140,7 @@ def _separable(queue, workers, source, out, height, width, channels, y_map, y_we
                 _columns_in_strips(sums, length, before * channels, blocks, source, numbers, y_map, first, here, y_weights, y_offsets, value, columns)
             for y in range(here):
                 _extend_row(sums, y * length, before, width, channels, x_map, beside)
-                _sum_row(out, (first + y) * numbers, numbers, sums, y * length, x_offsets, x_weights, columns, spare)
+                sum_row(out, (first + y) * numbers, numbers, sums, y * length, x_offsets, x_weights, columns, spare)
                 if not all_finite(out, (first + y) * numbers, numbers, all_offsets, zeros, spare):
                     odd[0] = 1
         start = jit.take(queue) * chunk
@@ -193,12 +193,12 @@ def _direct(queue, workers, source, out, height, width, channels, y_map, y_taps,
                 for t in range(len(weights)):
                     places[t] = y_map[y + i[t]] * numbers + j[t] * channels
                 _sum_edge(out, at, 0, before, channels, source, numbers, y_map, y, x_map, i, j, weights, value)
-                _sum_row(out, at + before * channels, inside * channels, source, 0, places, weights, columns, spare)
+                sum_row(out, at + before * channels, inside * channels, source, 0, places, weights, columns, spare)
                 _sum_edge(out, at, before + inside, width, channels, source, numbers, y_map, y, x_map, i, j, weights, value)
         else:
             _load_lines(lines, source, y_map, first, here + y_taps - 1, length, numbers, before, width, channels, x_map, value)
             for y in range(here):
-                _sum_row(out, (first + y) * numbers, numbers, lines, y * length, offsets, weights, columns, spare)
+                sum_row(out, (first + y) * numbers, numbers, lines, y * length, offsets, weights, columns, spare)
         for y in range(first, first + here):
             if not all_finite(out, y * numbers, numbers, all_offsets, zeros, spare):
                 odd[0] = 1
@@ -206,7 +206,7 @@ def _direct(queue, workers, source, out, height, width, channels, y_map, y_taps,
     places_owner[0] = 0  # it must live until here: borrowing does not keep it
 
 
-def _scratch(threads: int, numbers: int, dtype: object) -> tuple[Array, Array]:
+def worker_scratch(threads: int, numbers: int, dtype: object) -> tuple[Array, Array]:
     """A counter of workers, and for each some numbers of its own (a whole number of cache lines)."""
     lane = LINE // np.dtype(dtype).itemsize  # type: ignore[call-overload]
     scratch = aligned((threads, -(-numbers // lane) * lane), dtype)
@@ -236,7 +236,7 @@ def separable(image: Array, out: Array, y_map: Array, y_weights: Array, x_map: A
     rows = max(1, min(rows, -(-height // threads)))
     chunk = rows * max(1, height // (rows * threads * _CHUNKS))  # neighbouring bands share rows: they go to one thread
     threads = max(1, min(threads, -(-height // chunk)))
-    workers, scratch = _scratch(threads, rows * length + (rows + len(y_weights)) * _STRIP * columns + columns, dtype)
+    workers, scratch = worker_scratch(threads, rows * length + (rows + len(y_weights)) * _STRIP * columns + columns, dtype)
     odd = np.zeros(1, np.int64)
     beside = value * float(y_weights.sum())
     y_offsets, x_offsets = columns * np.arange(len(y_weights)), channels * np.arange(len(x_weights))
@@ -259,7 +259,7 @@ def direct(image: Array, out: Array, y_map: Array, x_map: Array, before: int, we
     i, j = np.nonzero(weights)
     if not len(i):
         i, j = np.zeros(1, np.int64), np.zeros(1, np.int64)
-    workers, scratch = _scratch(threads, (rows + taps - 1) * length + 2 * columns, dtype)
+    workers, scratch = worker_scratch(threads, (rows + taps - 1) * length + 2 * columns, dtype)
     jit.run(_direct, threads, workers, image.reshape(-1), out.reshape(-1), height, width, channels, y_map, taps, x_map, before, dtype.type(value),
             rows, columns, length, i, j, i * length + j * channels, np.ascontiguousarray(weights[i, j]), scratch,
             *whole_blocks(width * channels, dtype), odd)  # fmt: skip
