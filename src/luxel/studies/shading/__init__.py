@@ -1,0 +1,1 @@
+"""Parallel shading of a triangle."""
