@@ -1,0 +1,1 @@
+"""Radiosity: diffuse light baked into lightmaps, one file a stage."""
