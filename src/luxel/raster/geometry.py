@@ -109,15 +109,20 @@ def _attribute(mesh: Mesh, name: str) -> Array:
     if value is not None:
         return value
     if name == "normals":
-        from luxel.scene.normals import vertex_normals
-
-        positions, triangles = mesh.positions, mesh.triangles
-        finite = np.asarray(np.isfinite(positions).all(1))
-        if not finite.all():  # triangles there are never drawn; their neighbours are
-            positions, triangles = np.where(finite[:, None], positions, np.float32(0)), triangles[finite[triangles].all(1)]
-        return vertex_normals(positions, triangles)
+        return made_normals(mesh)
     fill = 1.0 if name == "colors" else 0.0
     return np.full((len(mesh.positions), _WIDTHS[name]), fill, np.float32)
+
+
+def made_normals(mesh: Mesh) -> Array:
+    """(n, 3) float32: the normals that a mesh without any is drawn with."""
+    from luxel.scene.normals import vertex_normals
+
+    positions, triangles = mesh.positions, mesh.triangles
+    finite = np.asarray(np.isfinite(positions).all(1))
+    if not finite.all():  # triangles there are never drawn; their neighbours are
+        positions, triangles = np.where(finite[:, None], positions, np.float32(0)), triangles[finite[triangles].all(1)]
+    return vertex_normals(positions, triangles)
 
 
 def _cofactor(matrix: Array) -> Array:

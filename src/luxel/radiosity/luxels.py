@@ -1,0 +1,195 @@
+"""Luxels: the elements of the lightmap, found by drawing every page in texture space.
+
+Every texel that a chart covers, however little, is a luxel. It stands at the centroid of the part of it that is covered, and has that part's area
+on the surface, so the areas of a chart's luxels sum to the chart's own.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from luxel import jit
+from luxel.arrays import Array
+from luxel.errors import LuxelWarning
+from luxel.radiosity.appearance import LEAST_SHARE, appearance
+from luxel.radiosity.texture_space import Texels, area2, cut_texels, place_vertices
+from luxel.raster.geometry import Geometry, flatten
+from luxel.raster.materials import pack_materials
+from luxel.scene.material import Material
+from luxel.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from luxel.radiosity.unwrap import Atlas
+
+MOST_ALBEDO = 0.99
+"""Surfaces that would give back more than this of the light are taken for this bright; else light would never end."""
+
+_LEAST_KEPT = 0.5  # of a chart's area: if other charts took more of its texels, what is left does not stand for all of it
+
+
+class Luxels(NamedTuple):
+    """n luxels, by page, row and column.
+
+    Attributes:
+        texel: (n, 3) int32: page, row, column.
+        position: (n, 3) float32, metres: on the triangle, at the centroid of the part of the texel that its chart covers.
+        normal: (n, 3) float32, unit: interpolated, on the front side.
+        face_normal: (n, 3) float32, unit: of the triangle.
+        area: (n,) float32, m2 of surface in the texel; what alpha masks cut out is no surface.
+        coverage: (n,) float32: how much of the texel the chart covers.
+        albedo: (n, 3) float32, linear, textured: what the renderer multiplies by E / pi.
+        emission: (n, 3) float32: radiant exitance, W/m2.
+        triangle: (n,) int32, row of `flatten(atlas.scene, "none").triangles`: the one with the largest part.
+        chart: (n,) int32.
+        two_sided: (n,) bool: its material is double-sided.
+        shape: Pages, height, width.
+        contested: (k, 3) int32: page, row and column of texels that more than one chart covers; the one that covers most has it.
+        lost: (c,) int32: charts with a surface but without a luxel, as others have all their texels.
+    """
+
+    texel: Array
+    position: Array
+    normal: Array
+    face_normal: Array
+    area: Array
+    coverage: Array
+    albedo: Array
+    emission: Array
+    triangle: Array
+    chart: Array
+    two_sided: Array
+    shape: tuple[int, int, int]
+    contested: Array
+    lost: Array
+
+
+def find_luxels(atlas: Atlas, threads: int | None = None) -> Luxels:
+    """The luxels of an unwrapped scene; the same for any number of threads.
+
+    Says in a `LuxelWarning` if surfaces are too bright, or charts share texels.
+    """
+    threads = jit.checked_threads(threads)
+    geometry = flatten(atlas.scene, "none")
+    texels, page, contested = _draw_pages(atlas, geometry, threads)
+    shape = (atlas.pages, atlas.size[1], atlas.size[0])
+    chart = atlas.chart[texels.triangle]
+    area, lost = _whole_charts(texels.area, chart, atlas.chart, surface_areas(geometry))
+    table = pack_materials(_plain(atlas.scene))
+    seen = appearance(geometry, table, texels.triangle, texels.corner1, texels.corner2, texture_gradients(atlas, geometry), threads)
+    keep = seen.share >= LEAST_SHARE
+    place = texels.place
+    texel = np.stack([page, place // atlas.size[0], place % atlas.size[0]], 1).astype(np.int32)
+    sided = np.array([m.double_sided for m in [*atlas.scene.materials, Material()]])[geometry.part_material[part_of(geometry, texels.triangle)]]
+    luxels = Luxels(
+        texel, seen.position, seen.normal, seen.face_normal, (area * seen.share).astype(np.float32), texels.coverage, seen.albedo, seen.emission,
+        texels.triangle, chart, sided, shape, contested, lost,
+    )  # fmt: skip
+    if not keep.all():
+        per_luxel = {name: getattr(luxels, name)[keep] for name in Luxels._fields[:11]}
+        luxels = luxels._replace(**per_luxel)
+    return _tell(_clamped(luxels, atlas.scene, geometry))
+
+
+def surface_areas(geometry: Geometry) -> Array:
+    """(m,) float64: area of each triangle, m2; 0 where a corner is not finite."""
+    with np.errstate(all="ignore"):
+        a, b, c = (geometry.positions[geometry.triangles[:, k]].astype(np.float64) for k in range(3))
+        return np.nan_to_num(np.sqrt((np.cross(b - a, c - a) ** 2).sum(1)) / 2, nan=0.0, posinf=0.0)
+
+
+def part_of(geometry: Geometry, triangle: Array) -> Array:
+    """The part (instance) of each triangle."""
+    return np.searchsorted(geometry.part_start, triangle, "right") - 1
+
+
+def triangle_pages(atlas: Atlas, geometry: Geometry) -> Array:
+    """(m,) int32: the page of each triangle."""
+    drawn = [i for i, instance in enumerate(atlas.scene.instances) if len(atlas.scene.meshes[instance.mesh].triangles)]
+    return np.repeat(atlas.instance_page[drawn], np.diff(geometry.part_start))
+
+
+def texture_gradients(atlas: Atlas, geometry: Geometry) -> Array:
+    """(m, 4) float32: what barycentric coordinates 1 and 2 gain by a texel to the right, and by one down."""
+    u, v = (geometry.texcoords1[:, k].astype(np.float64)[geometry.triangles] * atlas.size[k] for k in (0, 1))
+    ux, uy, vx, vy = u[:, 1] - u[:, 0], u[:, 2] - u[:, 0], v[:, 1] - v[:, 0], v[:, 2] - v[:, 0]
+    with np.errstate(all="ignore"):
+        gradients = np.stack([vy, -vx, -uy, ux], 1) / (ux * vy - uy * vx)[:, None]
+    return np.where(np.abs(gradients) < 1e6, gradients, 0.0).astype(np.float32)
+
+
+def _draw_pages(atlas: Atlas, geometry: Geometry, threads: int) -> tuple[Texels, Array, Array]:
+    """Texels of all pages, their pages, and (k, 3) which are contested."""
+    screen, pages = place_vertices(geometry.texcoords1, atlas.size, threads), triangle_pages(atlas, geometry)
+    surface = surface_areas(geometry)
+    drawn, contested, number = [], [], []
+    for page in range(atlas.pages):
+        chosen = np.flatnonzero((pages == page) & (surface > 0)).astype(np.int32)
+        faces = geometry.triangles[chosen]
+        texels = cut_texels(faces, screen, atlas.chart[chosen], surface[chosen], atlas.size, threads)
+        texels = _with_points(texels, faces, screen, surface[chosen], atlas.size)
+        place = texels.place[texels.loser >= 0]
+        contested.append(np.stack([np.full(len(place), page), place // atlas.size[0], place % atlas.size[0]], 1))
+        drawn.append(texels._replace(triangle=chosen[texels.triangle]))
+        number.append(np.full(len(texels.place), page))
+    nothing = Texels(*(np.zeros(0, dtype) for dtype in (np.int32, np.int32, np.float32, np.float32, np.float64, np.float32, np.int32)))
+    every = Texels(*(np.concatenate(arrays) for arrays in zip(nothing, *drawn, strict=True)))
+    return every, np.concatenate([np.zeros(0, int), *number]), np.concatenate([np.zeros((0, 3), int), *contested]).astype(np.int32)
+
+
+def _with_points(texels: Texels, triangles: Array, screen: Array, surface: Array, size: tuple[int, int]) -> Texels:
+    """Add texels for triangles that have a surface but no area on the page: each stands in the texel of its middle, if that is free."""
+    flat = np.flatnonzero(area2(screen, triangles) == 0)
+    x, y = (screen[:, k].astype(np.int64)[triangles[flat]].sum(1) // (3 * 256) for k in (0, 1))
+    place = (y * size[0] + x)[inside := (x >= 0) & (x < size[0]) & (y >= 0) & (y < size[1])]
+    flat = flat[inside]
+    order = np.lexsort((flat, -surface[flat], place))  # of several the largest
+    place, first = np.unique(place[order], return_index=True)
+    free = ~np.isin(place, texels.place)
+    place, flat = place[free].astype(np.int32), flat[order][first][free].astype(np.int32)
+    third, none = np.full(len(flat), 1 / 3, np.float32), np.full(len(flat), -1, np.int32)
+    points = Texels(place, flat, third, third, surface[flat], np.full(len(flat), 1 / 65536, np.float32), none)
+    joined = Texels(*(np.concatenate(pair) for pair in zip(texels, points, strict=True)))
+    if not len(place):
+        return texels
+    order = np.argsort(joined.place, kind="stable")
+    return Texels(*(array[order] for array in joined))
+
+
+def _whole_charts(area: Array, chart: Array, charts: Array, surface: Array) -> tuple[Array, Array]:
+    """Areas scaled so that those of a chart sum to its own, though it lost texels to others; and the charts that lost all or nearly all."""
+    count = int(charts.max(initial=-1)) + 1
+    known = charts >= 0
+    own, kept = np.bincount(charts[known], surface[known], count), np.bincount(chart, area, count)
+    scale = np.ones(count)
+    np.divide(own, kept, out=scale, where=kept > _LEAST_KEPT * own)
+    return area * scale[chart], np.flatnonzero((own > 0) & (kept <= 0)).astype(np.int32)
+
+
+def _plain(scene: Scene) -> Scene:
+    """The scene with materials that tell only what diffuse light needs: colour and emission."""
+    bare: dict[str, Any] = {"normal_texture": None, "occlusion_texture": None, "lightmap_texture": None}
+    materials = [replace(m, **bare, shading="phong" if m.shading in ("gouraud", "flat") else m.shading) for m in scene.materials]
+    return replace(scene, materials=materials)
+
+
+def _clamped(luxels: Luxels, scene: Scene, geometry: Geometry) -> Luxels:
+    """Albedo between 0 and MOST_ALBEDO, and no negative emission."""
+    bright = (luxels.albedo > MOST_ALBEDO).any(1)
+    if bright.any():
+        rows = np.unique(geometry.part_material[part_of(geometry, luxels.triangle[bright])])
+        names = ", ".join(repr(m.name) if m.name else f"number {row}" for row, m in enumerate([*scene.materials, Material()]) if row in rows[:6])
+        more = f" and {len(rows) - 6} more" if len(rows) > 6 else ""
+        text = f"{bright.sum()} luxels are brighter than a surface can be and give back {MOST_ALBEDO:g} of the light: material {names}{more}"
+        warnings.warn(text, LuxelWarning, stacklevel=4)
+    return luxels._replace(albedo=luxels.albedo.clip(0, np.float32(MOST_ALBEDO)), emission=luxels.emission.clip(0, None))
+
+
+def _tell(luxels: Luxels) -> Luxels:
+    if len(luxels.lost):
+        text = f"{len(luxels.lost)} charts have no luxel of their own, as larger charts have their texels: take more texels per metre or new charts"
+        warnings.warn(text, LuxelWarning, stacklevel=3)
+    return luxels

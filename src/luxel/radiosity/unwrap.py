@@ -1,0 +1,139 @@
+"""Unwrap: lightmap coordinates (TEXCOORD_1) for a whole scene, every instance in a place of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from luxel.arrays import Array
+from luxel.errors import InputError
+from luxel.radiosity.charts import Charted, Surface, chart_surfaces
+from luxel.raster.geometry import made_normals
+from luxel.scene.mesh import Mesh
+from luxel.scene.scene import Instance, Scene
+
+LUXELS = 250_000
+"""About how many luxels a scene gets if no density is given."""
+
+_VERTEX_ARRAYS = ("positions", "normals", "texcoords", "texcoords1", "colors", "tangents")
+
+
+class Atlas(NamedTuple):
+    """A scene laid out on lightmap pages.
+
+    Attributes:
+        scene: As given, but every instance has a mesh of its own, with `texcoords1` in 0..1 of its page. A mesh whose charts fall on several
+            pages is split.
+        instance_page: (instances,) int32.
+        pages: Number of pages.
+        size: Width and height of every page, texels.
+        chart: (triangles,) int32: chart of each triangle of `flatten(scene, "none")`, numbered over all pages; -1 if it has none.
+        reused: The file's own TEXCOORD_1 served.
+    """
+
+    scene: Scene
+    instance_page: Array
+    pages: int
+    size: tuple[int, int]
+    chart: Array
+    reused: bool
+
+
+def unwrap(scene: Scene, density: float | Mapping[str, float] | None = None, page: int = 1024, gutter: int = 2) -> Atlas:
+    """Give every instance lightmap coordinates.
+
+    Args:
+        scene: Not changed.
+        density: Texels per metre in the world; by name of material for some, with "" for all others. None: about `LUXELS` luxels in all.
+        page: Width and height of a page, texels. A scene that needs one page only gets one as large as it needs.
+        gutter: Texels that stay free between charts, at least.
+
+    Raises:
+        InputError: An argument is out of range, or the scene cannot be drawn.
+        ExtraMissingError: xatlas is not installed.
+    """
+    page, gutter = _whole(page, "page", 16, 1 << 14), _whole(gutter, "gutter", 0, 64)
+    scene.check()
+    drawn = [i for i in scene.instances if len(scene.meshes[i.mesh].triangles)]
+    meshes = [scene.meshes[i.mesh] for i in drawn]
+    with_normals = [mesh if mesh.normals is not None else replace(mesh, normals=made_normals(mesh)) for mesh in meshes]  # cuts change no shading
+    surfaces = [_in_world(mesh, instance) for mesh, instance in zip(with_normals, drawn, strict=True)]
+    each = densities(scene, meshes, surfaces, density)
+    scaled = [Surface((s.positions * d).astype(np.float32), s.triangles, s.normals) for s, d in zip(surfaces, each, strict=True)]
+    charted, pages = chart_surfaces(scaled, page, gutter)
+    size = _page_size(charted, pages, page)
+    return _assembled(scene, drawn, with_normals, charted, pages, size)
+
+
+def densities(scene: Scene, meshes: list[Mesh], surfaces: list[Surface], density: object) -> list[float]:
+    """Texels per metre of each instance."""
+    if density is None:
+        area = sum(float(_areas(surface).sum()) for surface in surfaces)
+        density = float(np.sqrt(LUXELS / area)) if area > 0 else 1.0
+    by_name: dict[str, Any] = dict(density) if isinstance(density, Mapping) else {"": density}
+    for name, value in by_name.items():
+        if isinstance(value, bool) or not isinstance(value, (int, float, np.number)) or not 0 < value < 1e9:
+            raise InputError(f"density{f' of {name!r}' if name else ''}: expected texels per metre above 0, got {value!r}")
+    names = [scene.materials[mesh.material].name if mesh.material >= 0 else "" for mesh in meshes]
+    unknown = set(by_name) - {m.name for m in scene.materials} - {""}
+    missing = set(names) - set(by_name) if "" not in by_name else set()
+    if unknown:
+        raise InputError(f"density: no material is called {min(unknown)!r}")
+    if missing:
+        raise InputError(f"density: none for material {min(missing)!r}")
+    return [float(by_name.get(name, by_name.get("", 0.0))) for name in names]
+
+
+def _whole(value: object, name: str, low: int, high: int) -> int:
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not low <= value <= high:
+        raise InputError(f"{name}: expected a whole number of texels in {low} .. {high}, got {value!r}")
+    return int(value)
+
+
+def _in_world(mesh: Mesh, instance: Instance) -> Surface:
+    matrix = np.asarray(instance.world_from_mesh)
+    with np.errstate(all="ignore"):
+        positions = mesh.positions @ matrix[:3, :3].T + matrix[:3, 3]
+    normals = np.asarray(mesh.normals) @ np.linalg.pinv(matrix[:3, :3])
+    length = np.sqrt((normals**2).sum(1, keepdims=True))
+    return Surface(positions, mesh.triangles, np.where(length > 0, normals / np.maximum(length, 1e-30), 0).astype(np.float32))
+
+
+def _areas(surface: Surface) -> Array:
+    with np.errstate(all="ignore"):
+        a, b, c = (surface.positions[surface.triangles[:, k]] for k in range(3))
+        return np.nan_to_num(np.sqrt((np.cross(b - a, c - a) ** 2).sum(1)) / 2, nan=0.0, posinf=0.0)
+
+
+def _page_size(charted: list[Charted], pages: int, page: int) -> tuple[int, int]:
+    """A single page is no larger than what is on it, in blocks of four texels."""
+    if pages > 1:
+        return page, page
+    used = [int(np.ceil(max((flat.texcoords[:, k].max(initial=0.0) for flat in charted), default=0.0) - 1e-3)) for k in (0, 1)]
+    return min(page, max(4, -(-used[0] // 4) * 4)), min(page, max(4, -(-used[1] // 4) * 4))
+
+
+def _assembled(scene: Scene, drawn: list[Instance], meshes: list[Mesh], charted: list[Charted], pages: int, size: tuple[int, int]) -> Atlas:
+    """The scene whose instances have meshes of their own, one for each page that they are on."""
+    made, instances, page, chart = [], [], [], []
+    for instance, mesh, flat in zip(drawn, meshes, charted, strict=True):
+        for number in np.unique(flat.page):
+            chosen = flat.page == number
+            made.append(_piece(mesh, flat, chosen, size))
+            instances.append(replace(instance, mesh=len(made) - 1))
+            page.append(number)
+            chart.append(flat.chart[chosen])
+    charts = np.concatenate([np.zeros(0, np.int32), *chart])
+    return Atlas(replace(scene, meshes=made, instances=instances), np.array(page, np.int32), pages, size, charts, False)
+
+
+def _piece(mesh: Mesh, flat: Charted, chosen: Array, size: tuple[int, int]) -> Mesh:
+    """The chosen triangles of a mesh, with lightmap coordinates."""
+    used, triangles = np.unique(flat.triangles[chosen], return_inverse=True)
+    source = flat.source[used]
+    arrays = {name: value[source] for name in _VERTEX_ARRAYS if (value := getattr(mesh, name)) is not None}
+    arrays["texcoords1"] = (flat.texcoords[used] / size).astype(np.float32)
+    return replace(mesh, triangles=triangles.reshape(-1, 3).astype(np.int32), **arrays)
