@@ -1,0 +1,168 @@
+"""Elements: what the solver works on, made from a scene's luxels.
+
+A luxel of a two-sided surface is two elements, back to back; any other is one. What emits is cut finer, until each light has enough points to
+be seen as a surface and not as a few dots.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from luxel.arrays import Array
+from luxel.radiosity.luxels import Luxels
+from luxel.radiosity.patches import Tree, build_tree
+from luxel.radiosity.solve import Problem, source_of
+from luxel.radiosity.transport import AREA, GX, GZ, NX, NZ, PX, PZ, UX, UZ, VX, VZ, Elements, Occluders
+from luxel.raster.geometry import Geometry
+
+if TYPE_CHECKING:
+    from luxel.radiosity.unwrap import Atlas
+
+_NEAR = 2e-5  # of the scene's diagonal
+_MOST_CUTS = 32  # sub-points along a side of a luxel that emits
+
+
+class Quality(NamedTuple):
+    """How finely the light is cut.
+
+    Attributes:
+        patch: Luxels along the side of a shooting patch, where the surface is flat.
+        light_points: At least so many points for all emitting surfaces, each of which shoots.
+        resolution: Pixels along a hemicube's face, of a patch.
+        light_resolution: The same, of a light.
+        tolerance: The unshot share of the light at which to stop.
+    """
+
+    patch: float
+    light_points: int
+    resolution: int
+    light_resolution: int
+    tolerance: float = 1e-3
+
+
+QUALITIES = {
+    "draft": Quality(8, 16, 32, 64, 5e-3),
+    "normal": Quality(6, 64, 64, 128),
+    "final": Quality(4, 256, 64, 128),
+}
+
+
+def frames_of_texels(atlas: Atlas, geometry: Geometry, luxels: Luxels) -> tuple[Array, Array]:
+    """(n, 3) float32 each: the sides of each luxel on the surface, as a parallelogram of its area: along a row of the lightmap, and down a column."""
+    corners = geometry.triangles[luxels.triangle]
+    a, b, c = (geometry.positions[corners[:, k]].astype(np.float64) for k in range(3))
+    uv = geometry.texcoords1.astype(np.float64) * atlas.size
+    p, q, r = (uv[corners[:, k]] for k in range(3))
+    du1, du2, dv1, dv2 = q[:, 0] - p[:, 0], r[:, 0] - p[:, 0], q[:, 1] - p[:, 1], r[:, 1] - p[:, 1]
+    with np.errstate(all="ignore"):
+        scale = (1.0 / (du1 * dv2 - du2 * dv1))[:, None]
+        u = ((b - a) * dv2[:, None] - (c - a) * dv1[:, None]) * scale
+        v = ((c - a) * du1[:, None] - (b - a) * du2[:, None]) * scale
+        shrink = np.sqrt(luxels.area / np.linalg.norm(np.cross(u, v), axis=1))[:, None]
+        u, v = u * shrink, v * shrink
+    broken = ~(np.isfinite(u).all(1) & np.isfinite(v).all(1))  # a triangle without area in the atlas: a square will do
+    if broken.any():
+        from luxel.radiosity.hemicube import frames_of
+
+        side = np.sqrt(luxels.area[broken])[:, None]
+        frame = frames_of(luxels.face_normal[broken])
+        u[broken], v[broken] = frame[:, 0] * side, frame[:, 1] * side
+    return u.astype(np.float32), v.astype(np.float32)
+
+
+def _numbers(luxels: Luxels, u: Array, v: Array) -> Array:
+    """(16, n) float32, in the order of the luxels."""
+    numbers = np.empty((16, len(luxels.area)), np.float32)
+    numbers[PX : PZ + 1], numbers[NX : NZ + 1], numbers[GX : GZ + 1] = luxels.position.T, luxels.normal.T, luxels.face_normal.T
+    numbers[AREA], numbers[UX : UZ + 1], numbers[VX : VZ + 1] = luxels.area, u.T, v.T
+    return numbers
+
+
+def _backs(numbers: Array, two_sided: Array) -> Array:
+    """The other sides of two-sided luxels."""
+    backs = numbers[:, two_sided]
+    backs[NX : GZ + 1] *= -1
+    return backs
+
+
+def _in_tree_order(tree: Tree, numbers: Array) -> Array:
+    return np.ascontiguousarray(numbers[:, tree.order])
+
+
+class Cut(NamedTuple):
+    """A scene cut into a problem.
+
+    Attributes:
+        problem: To solve.
+        luxel: (n,) int32: the luxel of each element.
+        back: (n,) bool: it is the back of a two-sided luxel.
+    """
+
+    problem: Problem
+    luxel: Array
+    back: Array
+
+
+def occluders_of(geometry: Geometry, chart: Array, two_sided: Array) -> Occluders:
+    """What hides: all triangles.
+
+    Args:
+        chart: (m,) int32 of each triangle.
+        two_sided: (m,) bool.
+    """
+    positions = geometry.positions.astype(np.float64)
+    a, b, c = (positions[geometry.triangles[:, k]] for k in range(3))
+    normal = np.cross(b - a, c - a)
+    planes = np.concatenate([normal.T, (normal * a).sum(1)[None]])
+    planes[:, two_sided] = 0
+    whole = np.isfinite(planes).all(0) & (np.abs(planes[:3]).sum(0) > 0) | two_sided
+    return Occluders(
+        np.ascontiguousarray(np.nan_to_num(geometry.positions).T), np.ascontiguousarray(geometry.triangles[whole]),
+        np.ascontiguousarray(chart[whole].astype(np.int32)), np.ascontiguousarray(planes[:, whole].astype(np.float32)),
+    )  # fmt: skip
+
+
+def cut(atlas: Atlas, geometry: Geometry, luxels: Luxels, two_sided: Array, quality: Quality) -> Cut:
+    """Cut a scene into elements, patches and lights.
+
+    Args:
+        geometry: `flatten(atlas.scene, "none")`.
+        two_sided: (m,) bool, of each triangle.
+    """
+    u, v = frames_of_texels(atlas, geometry, luxels)
+    numbers = _numbers(luxels, u, v)
+    fronts = np.arange(len(luxels.area), dtype=np.int32)
+    luxel = np.concatenate([fronts, fronts[luxels.two_sided]])
+    numbers = np.concatenate([numbers, _backs(numbers, luxels.two_sided)], 1)
+    extent = (quality.patch * np.sqrt(numbers[AREA] / np.maximum(luxels.coverage[luxel], 0.05))).astype(np.float32)
+    tree = build_tree(np.ascontiguousarray(numbers[PX : PZ + 1].T), np.ascontiguousarray(numbers[GX : GZ + 1].T), numbers[AREA], extent)
+    elements = Elements(_in_tree_order(tree, numbers), luxels.chart[luxel][tree.order].astype(np.int32))
+    patches = source_of(tree, elements.numbers, quality.resolution)
+    albedo = np.ascontiguousarray(luxels.albedo[luxel][tree.order].T)
+    lights, exitance = _lights(numbers, luxels.emission[luxel], quality)
+    span = geometry.positions[np.isfinite(geometry.positions).all(1)]
+    near = _NEAR * float(np.linalg.norm(np.ptp(span, axis=0)))
+    problem = Problem(elements, albedo, patches, lights, exitance, occluders_of(geometry, atlas.chart, two_sided), near)
+    return Cut(problem, luxel[tree.order], tree.order >= len(fronts))
+
+
+def _lights(numbers: Array, emission: Array, quality: Quality):  # type: ignore[no-untyped-def]
+    """What emits, as a source, and its exitance (k, 3)."""
+    bright = np.flatnonzero(emission.sum(1) > 0)
+    if not len(bright):
+        return None, np.zeros((0, 3), np.float32)
+    numbers, emission = numbers[:, bright], emission[bright]
+    side = float(np.sqrt(numbers[AREA].sum() / quality.light_points))  # of a point's patch
+    cuts = int(np.clip(np.ceil(2 * np.sqrt(numbers[AREA].mean()) / side), 1, _MOST_CUTS))
+    at = (np.arange(cuts) + 0.5) / cuts - 0.5
+    x, y = (grid.ravel() for grid in np.meshgrid(at, at))
+    fine = np.repeat(numbers, cuts * cuts, 1)
+    fine[PX : PZ + 1] += fine[UX : UZ + 1] * np.tile(x, len(bright)) + fine[VX : VZ + 1] * np.tile(y, len(bright))
+    fine[UX : VZ + 1] /= cuts
+    fine[AREA] /= cuts * cuts
+    extent = np.full(fine.shape[1], side, np.float32)
+    tree = build_tree(np.ascontiguousarray(fine[PX : PZ + 1].T), np.ascontiguousarray(fine[GX : GZ + 1].T), fine[AREA], extent)
+    ordered = _in_tree_order(tree, fine)
+    return source_of(tree, ordered, quality.light_resolution), np.repeat(emission, cuts * cuts, 0)[tree.order].astype(np.float32)

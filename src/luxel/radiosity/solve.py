@@ -1,0 +1,276 @@
+"""Solve: progressive refinement (Cohen, Chen, Wallace, Greenberg 1988), many shooters at a time.
+
+    lights shoot -> the brightest patches shoot, in batches -> ... until little is unshot -> an ambient term for the rest
+
+Received light is summed per element; unshot light per element and patch. All of a batch's rows of transport go through a block of elements
+before the next block, in the same order whatever the threads, so the same bytes come out.
+
+The ledger holds at every step, to rounding: emitted = absorbed + escaped + unshot (W, each channel).
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from luxel import jit
+from luxel.arrays import Array
+from luxel.radiosity.hemicube import frames_of, see
+from luxel.radiosity.patches import Tree
+from luxel.radiosity.transport import AREA, PX, PZ, Elements, Occluders, Shooters, fill_rows, receive
+
+_BATCH = 64
+_SCALE_RANGE = 0.8, 1.25
+"""A row's sum is put right by no more than this; what is left over counts as escaped."""
+
+_F = np.float32
+
+
+class Source(NamedTuple):
+    """What shoots: a tree over elements, and where the hemicubes of its patches stand.
+
+    Attributes:
+        tree: Over the elements.
+        numbers: (16, k) float32 of its elements.
+        shooters: Of its patches, in order.
+        resolution: Pixels along a face of their hemicubes.
+    """
+
+    tree: Tree
+    numbers: Array
+    shooters: Shooters
+    resolution: int
+
+
+def source_of(tree: Tree, numbers: Array, resolution: int) -> Source:
+    """Each patch looks from its element nearest the centre, along its mean normal."""
+    place = tree.place[tree.patches]
+    distance = ((numbers[PX : PZ + 1].T - np.repeat(place[:, :3], np.diff(_starts(tree)), 0)) ** 2).sum(1)
+    starts = _starts(tree)
+    least = np.minimum.reduceat(distance, starts[:-1])
+    nearest = np.flatnonzero(distance == np.repeat(least, np.diff(starts)))
+    _, first = np.unique(tree.patch_of[nearest], return_index=True)
+    centers = np.ascontiguousarray(numbers[PX : PZ + 1, nearest[first]].T)
+    return Source(tree, numbers, Shooters(tree.patches, centers, frames_of(place[:, 4:7])), resolution)
+
+
+def _starts(tree: Tree) -> Array:
+    return np.append(tree.span[tree.patches, 0], len(tree.order)).astype(np.int64)
+
+
+class Step(NamedTuple):
+    """A line of the ledger: watts per channel (3,), after so many shots."""
+
+    shots: int
+    emitted: Array
+    absorbed: Array
+    escaped: Array
+    unshot: Array
+
+    @property
+    def unshot_fraction(self) -> float:
+        """Of what was emitted, over the channels; 0 if nothing was."""
+        total = float(self.emitted.sum())
+        return float(self.unshot.sum()) / total if total > 0 else 0.0
+
+
+@dataclass
+class State:
+    """Of a solve in progress; all a checkpoint needs.
+
+    Attributes:
+        received: (3, n) float32: irradiance so far, W/m2.
+        unshot: (3, n) float32: radiosity not yet shot, W/m2.
+        power: (p, 3) float64: the same by patch, W.
+        lights_left: Patches of the lights that have still to shoot.
+        shots, escaped: So far; escaped (3,) float64 watts.
+        ledger: One `Step` a batch.
+    """
+
+    received: Array
+    unshot: Array
+    power: Array
+    lights_left: int
+    emitted: Array
+    absorbed: Array = field(default_factory=lambda: np.zeros(3))
+    escaped: Array = field(default_factory=lambda: np.zeros(3))
+    shots: int = 0
+    ledger: list[Step] = field(default_factory=list)
+
+
+class Rows:
+    """Where rows of transport are kept: as many as fit, in the order in which they are first wanted; the rest are computed each time.
+
+    Attributes:
+        rows: (slots, n) uint16; the last `_BATCH` are not kept.
+        slot: (p,) int64: a patch's row, or -1.
+        scale: (slots,) float64: what puts the row's sum right.
+        lost: (slots,) float64: share of the shooter's light that reaches nothing.
+    """
+
+    def __init__(self, patches: int, elements: int, most_bytes: int) -> None:
+        self.kept = min(patches, max(0, most_bytes // (2 * elements)))
+        self.rows = np.empty((self.kept + _BATCH, elements), np.uint16)
+        self.slot = np.full(patches, -1, np.int64)
+        self.scale, self.lost = np.ones(len(self.rows)), np.zeros(len(self.rows))
+        self.used = 0
+
+    def place(self, patches: Array) -> tuple[Array, Array]:
+        """Slots for these patches, and which of the rows are still to be computed."""
+        slots, new = self.slot[patches], self.slot[patches] < 0
+        keep = min(int(new.sum()), self.kept - self.used)
+        fresh = np.flatnonzero(new)
+        slots[fresh[:keep]] = np.arange(self.used, self.used + keep)
+        self.slot[patches[fresh[:keep]]] = slots[fresh[:keep]]
+        self.used += keep
+        slots[fresh[keep:]] = self.kept + np.arange(len(fresh) - keep)
+        return slots, fresh
+
+
+class Problem(NamedTuple):
+    """What is solved.
+
+    Attributes:
+        elements: n receivers.
+        albedo: (3, n) float32.
+        patches: They as shooters.
+        lights: Emitting surfaces as shooters, or None.
+        exitance: (k, 3) float32 of the elements of `lights`.
+        occluders: What hides.
+        near: Metres; see `hemicube.see`.
+    """
+
+    elements: Elements
+    albedo: Array
+    patches: Source
+    lights: Source | None
+    exitance: Array
+    occluders: Occluders
+    near: float
+
+
+def start(problem: Problem, irradiance: Array | None = None) -> State:
+    """The state before the first shot.
+
+    Args:
+        irradiance: (3, n) float32 that lights without a surface have already given, or None.
+    """
+    numbers, n = problem.elements.numbers, problem.elements.numbers.shape[1]
+    area = numbers[AREA].astype(np.float64)
+    emitted = np.zeros(3)
+    if problem.lights is not None:
+        emitted += problem.exitance.T.astype(np.float64) @ problem.lights.numbers[AREA].astype(np.float64)
+    state = State(
+        np.zeros((3, n), np.float32), np.zeros((3, n), np.float32), np.zeros((len(problem.patches.tree.patches), 3)),
+        0 if problem.lights is None else len(problem.lights.tree.patches), emitted,
+    )  # fmt: skip
+    if irradiance is not None:
+        _take_in(state, problem, irradiance, 1)
+        state.emitted += irradiance.astype(np.float64) @ area
+    return state
+
+
+@jit.parallel_kernel
+def _absorb(queue, gained, albedo, area, starts, received, unshot, power, absorbed):
+    """Add what each patch's elements have gained, and sum what the patch has to shoot and has kept."""
+    p = jit.take(queue)
+    while p < len(power):
+        for channel in range(3):
+            shot = kept = 0.0
+            for i in range(starts[p], starts[p + 1]):
+                e = gained[channel, i]
+                received[channel, i] += e
+                bounced = albedo[channel, i] * e
+                unshot[channel, i] += bounced
+                shot += np.float64(area[i]) * np.float64(unshot[channel, i])
+                kept += np.float64(area[i]) * (np.float64(e) - np.float64(bounced))
+            power[p, channel] = shot
+            absorbed[p, channel] = kept
+        p = jit.take(queue)
+
+
+def _take_in(state: State, problem: Problem, gained: Array, threads: int) -> None:
+    tree = problem.patches.tree
+    absorbed = np.empty_like(state.power)
+    area = problem.elements.numbers[AREA]
+    jit.run(_absorb, threads, gained, problem.albedo, area, _starts(tree), state.received, state.unshot, state.power, absorbed)
+    state.absorbed = state.absorbed + absorbed.sum(0)
+
+
+def _shoot(problem: Problem, source: Source, chosen: Array, rows: Rows | None, radiosity: Array, gained: Array, threads: int) -> Array:
+    """Add to `gained` what the chosen patches give at their mean radiosity (s, 3); returns the watts that reached nothing, (3,)."""
+    shooters, tree = source.shooters, source.tree
+    rows = rows or Rows(len(tree.patches), problem.elements.numbers.shape[1], 0)
+    slots, fresh = rows.place(chosen)
+    areas = tree.place[tree.patches[chosen], 7].astype(np.float64)
+    if len(fresh):
+        who = Shooters(*(array[chosen[fresh]] for array in shooters))
+        resolution = np.full(len(fresh), source.resolution, np.int64)
+        seen = see(problem.occluders.positions, problem.occluders.triangles, who.centers, who.frames, resolution, problem.near, threads)
+        sums, escaped = fill_rows(problem.elements, tree, source.numbers, who, seen, problem.occluders, slots[fresh], rows.rows, threads)
+        lost = escaped.sum(1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            scale = np.where(sums > 0, (1.0 - lost) * areas[fresh] / sums, 1.0)
+        rows.scale[slots[fresh]] = np.clip(scale, *_SCALE_RANGE)
+        rows.lost[slots[fresh]] = 1.0 - rows.scale[slots[fresh]] * sums / areas[fresh]
+    receive(rows.rows, slots, (radiosity * rows.scale[slots][:, None]).astype(np.float32), gained, threads)
+    return (radiosity * (areas * rows.lost[slots])[:, None]).sum(0)
+
+
+def _mean(values: Array, area: Array, tree: Tree, chosen: Array) -> Array:
+    """Area-weighted means (s, 3) float64 over patches, of values (k, 3)."""
+    starts = _starts(tree)
+    sums = np.add.reduceat(values.astype(np.float64) * area.astype(np.float64)[:, None], starts[:-1], 0)[chosen]
+    return sums / np.add.reduceat(area.astype(np.float64), starts[:-1])[chosen][:, None]
+
+
+def steps(problem: Problem, state: State, rows: Rows, tolerance: float, threads: int, clock: dict[str, float] | None = None) -> Iterator[State]:
+    """Shoot until what is unshot is below `tolerance` of what was emitted; yields the state after each batch."""
+    n = problem.elements.numbers.shape[1]
+    area = problem.elements.numbers[AREA]
+    tree, starts = problem.patches.tree, _starts(problem.patches.tree)
+    light_rows: Rows | None = None
+    while True:
+        if state.lights_left:
+            lights = problem.lights
+            assert lights is not None
+            every = len(lights.tree.patches)
+            chosen = np.arange(every)[-state.lights_left :][:_BATCH]
+            radiosity = _mean(problem.exitance, lights.numbers[AREA], lights.tree, chosen)
+            source = lights
+        else:
+            total = state.power.sum(1)
+            if not total.sum() > tolerance * state.emitted.sum():
+                return
+            chosen = np.sort(np.argsort(-total, kind="stable")[: max(1, min(_BATCH, len(total) // 8))])
+            chosen = chosen[total[chosen] > 0]
+            radiosity = state.power[chosen] / (tree.place[tree.patches[chosen], 7].astype(np.float64))[:, None]
+            source = problem.patches
+        gained = np.zeros((3, n), np.float32)
+        if source is problem.lights:
+            state.escaped = state.escaped + _shoot(problem, source, chosen, light_rows, radiosity, gained, threads)
+            state.lights_left -= len(chosen)
+        else:
+            state.escaped = state.escaped + _shoot(problem, source, chosen, rows, radiosity, gained, threads)
+            for p in chosen:
+                state.unshot[:, starts[p] : starts[p + 1]] = 0
+        _take_in(state, problem, gained, threads)
+        state.shots += len(chosen)
+        left = np.zeros(3)
+        if state.lights_left:
+            assert problem.lights is not None
+            rest = problem.lights.tree.span[problem.lights.tree.patches[-state.lights_left :], 0].min()
+            left = problem.exitance[rest:].T.astype(np.float64) @ problem.lights.numbers[AREA, rest:].astype(np.float64)
+        state.ledger.append(Step(state.shots, state.emitted.copy(), state.absorbed.copy(), state.escaped.copy(), state.power.sum(0) + left))
+        yield state
+
+
+def ambient(problem: Problem, state: State) -> Array:
+    """(3,) float64 W/m2: the irradiance that all the unshot light would make if it spread evenly (Cohen et al. 1988, eq. 12)."""
+    area = problem.elements.numbers[AREA].astype(np.float64)
+    mean = (problem.albedo.astype(np.float64) @ area) / area.sum()
+    return state.power.sum(0) / area.sum() / (1.0 - np.minimum(mean, 0.99))
