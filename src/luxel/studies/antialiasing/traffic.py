@@ -3,6 +3,9 @@
 Layers of small squares that fill the screen are drawn, in each place in an order of its own, as in a scene that nobody sorted. Every access to
 a sample's colour or depth passes through a counter: in external memory for immediate drawing, in a tile's own memory for the other two,
 which write nothing but resolved pixels out.
+
+The loops over triangles are its own, because they are what is measured: luxel's rasteriser never touches a sample that it need not, so counters in it
+would tell of luxel and not of the three ways, and counters have no place there. The edge functions and patterns are those of `luxel.raster`.
 """
 
 from __future__ import annotations
