@@ -264,6 +264,7 @@ def _alternated(which: str, size: int, cases: list[tuple[str, int]], teams: dict
     taken: dict[tuple[str, int], list[tuple[float, list[float]]]] = {case: [] for case in cases}
     screen, shipped = scene(size, which), _shipped(which, size)
     buffers = Buffers.of(screen, size)
+    idle: list[float]
     for turn in range(repeats + 1):
         for way, threads in cases:
             if way == LUXEL:
