@@ -122,5 +122,5 @@ def test_metal_and_lamps_that_only_a_texture_knows_are_paint_at_the_vertices():
 
 
 def test_unknown_shading_is_refused():
-    with pytest.raises(InputError, match="expected one of flat, gouraud, phong, pbr, unlit; got 'shiny'"):
+    with pytest.raises(InputError, match="expected one of flat, gouraud, phong, pbr, unlit, hardware; got 'shiny'"):
         pack_materials(Scene(), "shiny")

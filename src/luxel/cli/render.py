@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 EXAMPLE = "luxel render model.glb -o model.png --size 1920x1080 --samples 8 --azimuth 45"
 
-_SHADINGS = ("flat", "gouraud", "phong", "pbr", "unlit")
+_SHADINGS = ("flat", "gouraud", "phong", "pbr", "unlit", "hardware")
 _FILTERS = ("box", "tent", "gaussian", "mitchell", "blackman-harris", "lowpass")
 _AA: dict[str, dict[str, str]] = {
     "none": {"samples": "1"}, "msaa": {"samples": "4"}, "ssaa": {"ssaa": "3"}, "lowpass": {"ssaa": "3", "filter": "lowpass"},

@@ -96,7 +96,7 @@ def barycentrics(inverse: Array, l_ca: Array, l_ab: Array, precision: Precision 
 
 
 def interpolate(alpha: Array, beta: Array, gamma: Array, colors: Array) -> Array:
-    """(..., 3) float24 words: (alpha Ca + beta Cb) + gamma Cc in every channel, each operation rounded; colors: (..., 3 corners, 3 channels)."""
+    """(..., k) float24 words: (alpha Ca + beta Cb) + gamma Cc in every channel, each operation rounded; colors: (..., 3 corners, k channels)."""
     f = FLOAT24
     first, second, third = (f.multiply(weight[..., None], colors[..., i, :]) for i, weight in enumerate((alpha, beta, gamma)))
     return f.add(f.add(first, second), third)
@@ -107,25 +107,25 @@ def shade(corners: Array, colors: Array, x: Array, y: Array, triangle: Array, pr
 
     Args:
         corners: (m, 3, 2) integers, x and y in 1/256 pixel.
-        colors: (m, 3, 3) float24 words, of every corner.
+        colors: (m, 3, k) float24 words: of every corner, k channels.
         x, y: (n,) integers: positions in 1/256 pixel.
         triangle: (n,) integers: of which triangle each is a fragment; its area is not 0.
         precision: How wide to calculate.
 
     Returns:
-        (n, 3) uint32: float24 words.
+        (n, k) uint32: float24 words.
 
     Raises:
         InputError: An array is not as above, or a triangle without area has a fragment.
     """
-    corners, colors = checked(corners, ("m", 3, 2), np.int64, "corners"), checked(colors, (len(corners), 3, 3), np.uint32, "colors")
+    corners, colors = checked(corners, ("m", 3, 2), np.int64, "corners"), checked(colors, (len(corners), 3, "k"), np.uint32, "colors")
     x, y = checked(x, ("n",), np.int64, "x"), checked(y, (len(x),), np.int64, "y")
     triangle = checked(triangle, (len(x),), np.int64, "triangle")
     setup = edges(corners)
     inverse = inverse_area(setup.area, precision)
     if (setup.area[triangle] == 0).any():
         raise InputError(f"triangle: expected triangles with an area, got {triangle[setup.area[triangle] == 0][0]}, which has none")
-    shaded = np.empty((len(x), 3), np.uint32)
+    shaded = np.empty((len(x), colors.shape[2]), np.uint32)
     for first in range(0, len(x), _CHUNK):
         part = slice(first, first + _CHUNK)
         t = triangle[part]

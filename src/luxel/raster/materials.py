@@ -36,7 +36,7 @@ FLOATS = TRANSFORMS + 6 * len(SLOTS)
 CODE, DERIVED, TEXTURE, TEXCOORD = 0, 1, 2, 2 + len(SLOTS)
 INTS = TEXCOORD + len(SLOTS)
 
-SHADINGS = ("flat", "gouraud", "phong", "pbr", "unlit")
+SHADINGS = ("flat", "gouraud", "phong", "pbr", "unlit", "hardware")
 LEAST_ROUGHNESS = 0.045
 
 
@@ -72,7 +72,8 @@ def pack_materials(scene: Scene, shading: str | None = None, vertices: bool = Fa
 
     Args:
         scene: Its materials, textures and meshes are read.
-        shading: Model of all materials ("flat", "gouraud", "phong", "pbr", "unlit"); None takes each material's own, "phong" where it has none.
+        shading: Model of all materials ("flat", "gouraud", "phong", "pbr", "unlit", or "hardware", which is "gouraud" here); None takes each
+            material's own, "phong" where it has none.
         vertices: Make the table for lighting the vertices of Gouraud materials: Blinn-Phong without textures. The table for fragments
             then takes the interpolated colour, times the base colour texture, as it is. Other textures play no part.
 
@@ -88,7 +89,7 @@ def pack_materials(scene: Scene, shading: str | None = None, vertices: bool = Fa
     ints = np.zeros((len(materials), INTS), np.int32)
     flags = np.zeros(len(materials), np.int32)
     for i, material in enumerate(materials):
-        model = shading or material.shading or "phong"
+        model = "gouraud" if shading == "hardware" else shading or material.shading or "phong"
         if vertices:
             material, model = _bare(material), "phong"
         floats[i], ints[i], flags[i] = _pack(material, model, i in colored)

@@ -19,7 +19,7 @@ from luxel import jit
 from luxel.arrays import Array, checked
 from luxel.errors import InputError
 from luxel.memory import reusable
-from luxel.raster import warm
+from luxel.raster import modelled, warm
 from luxel.raster.bin import BLEND, MASK, NO_CLIPPED, OPAQUE, Bins, bin_triangles
 from luxel.raster.clip import clip
 from luxel.raster.constants import MAX_SIZE, SAMPLE_COUNTS, SUBPIXEL, sample_pattern
@@ -125,6 +125,7 @@ class Prepared(NamedTuple):
     geometry: Geometry
     materials: MaterialTable
     vertex_materials: MaterialTable | None
+    hardware: bool = False
 
 
 def prepare(scene: Any, shading: str | None = None, cull: str = "material") -> Prepared:
@@ -140,9 +141,11 @@ def prepare(scene: Any, shading: str | None = None, cull: str = "material") -> P
         scene = load(scene)
     if cull not in ("material", "back", "none"):
         raise InputError(f"cull: expected material, back or none; got {cull!r}")
-    materials = pack_materials(scene, shading)
+    materials, hardware = pack_materials(scene, shading), shading == "hardware"
+    if hardware:
+        modelled.check(scene)
     vertex_materials = pack_materials(scene, shading, vertices=True) if materials.features & GOURAUD else None
-    return Prepared(scene, flatten(scene, cull), materials, vertex_materials)
+    return Prepared(scene, flatten(scene, cull), materials, vertex_materials, hardware)
 
 
 def _prepared(scene: Any, shading: str | None, cull: str) -> Prepared:
@@ -168,7 +171,8 @@ def render(scene: Any, camera: Camera | None = None, size: tuple[int, int] = (12
         ssaa: n for n x n shaded samples a pixel.
         filter: How samples make a pixel: "box", "tent", "gaussian", "mitchell", "blackman-harris"; or "lowpass", with `ssaa`: the picture is
             drawn at n times the rate, loses in its spectrum what pixels cannot show, and is decimated (`luxel.filter.antialias`).
-        shading: "flat", "gouraud", "phong", "pbr" or "unlit" for all materials; None: what each asks for ("phong" if it does not).
+        shading: "flat", "gouraud", "phong", "pbr" or "unlit" for all materials; None: what each asks for ("phong" if it does not). "hardware":
+            "gouraud" with the bits that the circuit of `luxel.hardware` makes: colours linear on the screen, without textures.
         cull: Which back faces are not drawn: those of single-sided materials ("material"), all ("back"), none ("none").
         background: Linear RGB or RGBA behind everything; None is transparent.
         outputs: Which fields of the picture to make: "color", "linear", "depth", "triangle", "object", "material", "normal", "position",
@@ -302,7 +306,7 @@ def _draw(prepared: Prepared, camera: Camera | None, size: tuple[int, int], opti
     )
     outputs = Outputs.wanted(names - {"motion"} if previous is None else names, width, last - first)
     clock.lap("prepare")
-    if target.color.size or target.linear.size:
+    if (target.color.size or target.linear.size) and not prepared.hardware:
         _warm_up(prepared, seen, options, target)
         clock.lap("compile")
     corners = [(x, y) for y in range(first, last, _WINDOW) for x in range(0, width, _WINDOW)]
@@ -410,7 +414,8 @@ class _Band:
         self.screen, self.clipped, self.bins = screen, clipped, bins
         self.colored = len(target.color) > 0 or len(target.linear) > 0
         self.beside = any(array.size for array in outputs)
-        self.per_sample = self.colored and (options.filter != "box" or BLEND in bins)
+        self.hardware = prepared.hardware
+        self.per_sample = self.colored and (options.filter != "box" or BLEND in bins or self.hardware)
         self.apron = 0 if options.filter == "box" else 1
         self.keep_depth = self.beside or len(bins) > 1
         occupied = sum((np.diff(b.start) > 0).astype(np.uint8) for mode, b in bins.items() if mode != BLEND)
@@ -460,8 +465,12 @@ class _Band:
         return layer(self.bins[mode], self.seen.geometry, self.screen, self.clipped, self.materials, self.options.positions, self.window.width,
                      self.window.height, first, last, ids, depths, self.options.threads or 1, peeled)  # fmt: skip
 
-    def _shade(self, first: int, last: int, ids: Array, target: Target, occupied: Array) -> None:
+    def _shade(self, first: int, last: int, ids: Array, target: Target, occupied: Array, blend: bool = False) -> None:
         o, w, seen = self.options, self.window, self.seen
+        if self.hardware:
+            modelled.shade(self.bins[OPAQUE], occupied, first, last, w.width, w.height, ids, o.positions, o.ssaa > 1, seen.geometry, self.screen,
+                           self.clipped, blend, target.samples)  # fmt: skip
+            return
         shade(self.bins[OPAQUE], occupied, first, last, w.width, w.height, ids, o.positions, o.ssaa > 1, seen.geometry, self.screen,
               self.clipped, self.materials, seen.lights, seen.eye, seen.features, 2.0**o.exposure, o.fill, *self.place, target,
               o.threads or 1)  # fmt: skip
@@ -470,7 +479,7 @@ class _Band:
         peeled = reusable(ids.shape, np.int32)
         occupied = (np.diff(self.bins[BLEND].start) > 0).astype(np.uint8)
         while self._layer(BLEND, first, last, ids, depths, peeled):
-            self._shade(first, last, peeled, target, occupied)
+            self._shade(first, last, peeled, target, occupied, blend=True)
 
     def _resolve(self, first_row: int, last_row: int, top: int, bottom: int, samples: Array) -> None:
         o, w, tile = self.options, self.window, self.options.tile
