@@ -52,7 +52,8 @@ def luxels_of(sheets, size=(32, 32)):
                 rows.append((sheet.page, row, column, chart, *place))
     table = np.array(sorted(rows))
     shape = (max(sheet.page for sheet in sheets) + 1, size[1], size[0])
-    return SimpleNamespace(texel=table[:, :3].astype(np.int32), chart=table[:, 3].astype(np.int32), position=table[:, 4:].astype(np.float32), shape=shape)
+    texel, chart, place = table[:, :3].astype(np.int32), table[:, 3].astype(np.int32), table[:, 4:].astype(np.float32)
+    return SimpleNamespace(texel=texel, chart=chart, position=place, shape=shape)
 
 
 def shown(atlas, pages, instance, s, t):

@@ -19,6 +19,7 @@ from luxel.scene.material import Texture
 __all__ = [
     "PngStream",
     "decode_image",
+    "exr_bytes",
     "load_texture",
     "png_bytes",
     "read_image",
@@ -241,7 +242,7 @@ def write_image(path: str | os.PathLike[str], image: Array, quality: int = 95) -
         Image.fromarray(array).save(file, kind, quality=quality)
 
 
-def write_exr(path: str | os.PathLike[str], layers: dict[str, Array]) -> None:
+def write_exr(path: str | os.PathLike[str], layers: dict[str, Array], notes: dict[str, str] | None = None) -> None:
     """Write one OpenEXR file with named layers.
 
     Args:
@@ -249,6 +250,7 @@ def write_exr(path: str | os.PathLike[str], layers: dict[str, Array]) -> None:
         layers: Name ("" for the main one) to (h, w) or (h, w, c), all of one size: float32, float16, or uint32. Channels are named RGBA (c of 1
             gives Y, or Z in the layer "depth"), XYZ for normals and positions, UV for texture coordinates. A name with a dot
             ("triangle.id") is a single channel's whole name.
+        notes: Attributes for the file's header, by name: text, such as the unit.
 
     Raises:
         ExtraMissingError: The extra `exr` is not installed.
@@ -268,9 +270,19 @@ def write_exr(path: str | os.PathLike[str], layers: dict[str, Array]) -> None:
         for letter, k in zip(_letters(name, array.shape[2]), range(array.shape[2]), strict=True):
             full = name if "." in name and array.shape[2] == 1 else f"{name}.{letter}" if name else letter
             channels[full] = np.ascontiguousarray(array[..., k])
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **(notes or {})}
     with atomic_write(path) as file, door(path, "cannot be written"):
         OpenEXR.File(header, channels).write(file.name)
+
+
+def exr_bytes(image: Array, notes: dict[str, str] | None = None) -> bytes:
+    """The bytes of an OpenEXR file of one layer; as of `write_exr`."""
+    import tempfile
+
+    with tempfile.TemporaryDirectory() as folder:  # OpenEXR writes files only
+        path = Path(folder, "image.exr")
+        write_exr(path, {"": image}, notes)
+        return path.read_bytes()
 
 
 def _letters(name: str, count: int) -> str:

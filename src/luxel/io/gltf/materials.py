@@ -18,7 +18,7 @@ _WRAPS: dict[int, Wrap] = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 _FILTERS: dict[int, Filter] = {  # of minFilter; magnification is nearest only with 9728
     9728: "nearest", 9729: "bilinear", 9984: "nearest", 9985: "trilinear", 9986: "nearest", 9987: "trilinear",
 }  # fmt: skip
-_SOURCES = ("EXT_texture_webp", "EXT_texture_avif")
+_SOURCES = ("MOZ_texture_rgbe", "EXT_texture_webp", "EXT_texture_avif")
 
 
 class Textures:
@@ -60,6 +60,22 @@ class Textures:
             )
             ref.rotation = transform.number("rotation", 0.0)
         return ref
+
+    def beside(self, info: Part) -> TextureRef | None:
+        """The lightmap that luxel wrote beside the file; None, which is said, where it cannot be had."""
+        from luxel.io.images import decode_image
+
+        uri = info.text("uri")
+        try:
+            image = decode_image(self.document.resource(uri, info.where).tobytes(), f"{info.where}, {uri[:200]}")
+        except FileError as error:
+            tell(error.where, f"{error.what}; the lightmap is left out")
+            return None
+        key = ("beside", uri)
+        if key not in self._numbers:
+            self._numbers[key] = len(self.scene.textures)
+            self.scene.textures.append(Texture(image, False, ("clamp", "clamp"), "bilinear", uri))
+        return TextureRef(self._numbers[key], info.integer("texCoord", 1))
 
     def _number(self, source: int, image: Array, part: Part, srgb: bool) -> int:
         wrap, filtering = self._sampler(part)
@@ -137,13 +153,15 @@ def read_material(part: Part, textures: Textures) -> Material:
         shading = "unlit"
     if shading not in (*get_args(Shading), "any"):
         raise FileError(own.where, f"shading {shading[:20]!r}")
-    normal, occlusion, light = part.part("normalTexture"), part.part("occlusionTexture"), part.extension("MOZ_lightmap")
+    normal, occlusion, beside = part.part("normalTexture"), part.part("occlusionTexture"), own.part("lightmap")
+    light, gain = beside or part.extension("MOZ_lightmap"), own.number("gain", 1.0, 0.0)
+    base = pbr.numbers("baseColorFactor", 4, (1.0, 1.0, 1.0, 1.0))
     return Material(
         name=part.text("name", ""),
         shading=None if shading == "any" else shading,
         specular=own.numbers("specular", 3, None),
         shininess=own.number("shininess", None, 0.0),
-        base_color=pbr.numbers("baseColorFactor", 4, (1.0, 1.0, 1.0, 1.0)),
+        base_color=(gain * base[0], gain * base[1], gain * base[2], base[3]),
         metallic=pbr.number("metallicFactor", 1.0, 0.0),
         roughness=pbr.number("roughnessFactor", 1.0, 0.0),
         emissive=cast(Any, tuple(boost * c for c in part.numbers("emissiveFactor", 3, (0.0, 0.0, 0.0)))),
@@ -157,7 +175,7 @@ def read_material(part: Part, textures: Textures) -> Material:
         normal_texture=textures.ref(normal, False),
         occlusion_texture=textures.ref(occlusion, False),
         emissive_texture=textures.ref(part.part("emissiveTexture"), True),
-        lightmap_texture=textures.ref(light, False),
+        lightmap_texture=textures.beside(beside) if beside else textures.ref(light, False),
         lightmap_scale=light.number("intensity", 1.0, 0.0) if light else 1.0,
     )
 

@@ -32,6 +32,7 @@ _SUPPORTED = {
     "KHR_meshopt_compression",
     "KHR_texture_transform",
     "MOZ_lightmap",
+    "MOZ_texture_rgbe",
 }
 
 _INSTANCE_COLUMNS = (

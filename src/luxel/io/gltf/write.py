@@ -11,6 +11,7 @@ import pygltflib as g
 
 from luxel.arrays import Array
 from luxel.io.files import atomic_write
+from luxel.io.gltf.write_lightmaps import Convention
 from luxel.io.gltf.write_materials import Materials
 from luxel.scene.scene import Instance, Scene
 
@@ -56,12 +57,18 @@ class Buffer:
         return len(self.gltf.accessors) - 1
 
 
-def save(scene: Scene, path: Path) -> None:
-    """Everything that a Scene holds: instances, materials with textures, cameras and lights. Meshes without triangles are left out."""
+def save(scene: Scene, path: Path, lightmaps: Convention = "exact") -> None:
+    """Everything that a Scene holds: instances, materials with textures, cameras and lights. Meshes without triangles are left out.
+
+    Args:
+        scene: What to write.
+        path: A .glb, or a .gltf with its files beside.
+        lightmaps: "exact": MOZ_lightmap with OpenEXR pictures, which luxel reads. "moz": with Radiance pictures and PNG, as others read it.
+            "sidecar": OpenEXR pictures beside the file, which the materials' extras name.
+    """
     gltf = g.GLTF2(asset=g.Asset(version="2.0", generator="luxel"))
     buffer = Buffer(gltf)
-    folder = None if path.suffix.lower() == ".glb" else path
-    materials = Materials(scene, buffer, folder)
+    materials = Materials(scene, buffer, path, lightmaps)
     root = g.Scene(name=scene.name or None, nodes=[])
     gltf.scene, gltf.scenes = 0, [root]
     meshes = _Meshes(scene, buffer, materials)

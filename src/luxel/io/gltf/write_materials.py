@@ -9,9 +9,9 @@ from urllib.parse import quote
 import numpy as np
 import pygltflib as g
 
-from luxel.arrays import Array
 from luxel.io.files import atomic_write
-from luxel.io.images import png_bytes, write_exr
+from luxel.io.gltf.write_lightmaps import Lightmaps
+from luxel.io.images import exr_bytes, png_bytes
 from luxel.io.mtl import texture_file
 from luxel.io.obj_write import eight_bit
 from luxel.scene.material import Material, Texture, TextureRef
@@ -31,10 +31,11 @@ _FILTERS = {
 class Materials:
     """The materials of the file; `extensions` collects the names of those that they use."""
 
-    def __init__(self, scene: Scene, buffer: Buffer, path: Path | None) -> None:
-        """`path`: of the .gltf, beside which pictures go; None puts them into the buffer."""
+    def __init__(self, scene: Scene, buffer: Buffer, path: Path, lightmaps: str) -> None:
+        """`path`: of the file. Pictures go beside a .gltf, and into the buffer of a .glb. `lightmaps`: see `write.save`."""
         self.scene, self.buffer, self.path = scene, buffer, path
         self.extensions: set[str] = set()
+        self._lightmaps = Lightmaps(self, lightmaps)
         self._images: dict[int, int] = {}
         self._textures: dict[int, int] = {}
         self._plain: int | None = None
@@ -51,11 +52,11 @@ class Materials:
         return self._plain
 
     def _material(self, material: Material) -> g.Material:
-        strength = max(1.0, *material.emissive)
+        strength, gain = max(1.0, *material.emissive), max(1.0, *material.base_color[:3])
         made = g.Material(
             name=material.name or None,
             pbrMetallicRoughness=g.PbrMetallicRoughness(
-                baseColorFactor=_floats(material.base_color),
+                baseColorFactor=_floats([*(c / gain for c in material.base_color[:3]), material.base_color[3]]),
                 metallicFactor=float(material.metallic),
                 roughnessFactor=float(material.roughness),
             ),
@@ -70,7 +71,7 @@ class Materials:
             self._extend(made, "KHR_materials_emissive_strength", {"emissiveStrength": strength})
         if material.shading == "unlit":
             self._extend(made, "KHR_materials_unlit", {})
-        own = _own(material)
+        own = _own(material) | self._lightmaps.extras(material) | ({"gain": gain} if gain > 1 else {})
         if own:
             made.extras = {"luxel": own}
         return made
@@ -83,15 +84,9 @@ class Materials:
         made.normalTexture = self._info(material.normal_texture, g.NormalMaterialTexture, scale=float(material.normal_scale))
         strength = float(material.occlusion_strength)
         made.occlusionTexture = self._info(material.occlusion_texture, g.OcclusionTextureInfo, strength=strength)
-        light = material.lightmap_texture
+        light = self._lightmaps.extension(material)
         if light is not None:
-            info: dict[str, Any] = {
-                "index": self._texture(light.texture),
-                "texCoord": light.texcoord,
-                "intensity": float(material.lightmap_scale),
-            }
-            moved = self._transform(light)
-            self._extend(made, "MOZ_lightmap", info | ({"extensions": moved} if moved else {}))
+            self._extend(made, "MOZ_lightmap", light)
 
     def _extend(self, made: g.Material, name: str, value: dict[str, Any]) -> None:
         made.extensions = {**(made.extensions or {}), name: value}
@@ -100,45 +95,58 @@ class Materials:
     def _info(self, ref: TextureRef | None, kind: Any = g.TextureInfo, **more: float) -> Any:
         if ref is None:
             return None
-        info = kind(index=self._texture(ref.texture), texCoord=ref.texcoord, **more)
-        info.extensions = self._transform(ref)
+        info = kind(index=self.texture(ref.texture), texCoord=ref.texcoord, **more)
+        info.extensions = self.transform(ref)
         return info
 
-    def _transform(self, ref: TextureRef) -> dict[str, Any]:
+    def transform(self, ref: TextureRef) -> dict[str, Any]:
+        """KHR_texture_transform, where there is one."""
         values = {"offset": _floats(ref.offset), "rotation": float(ref.rotation), "scale": _floats(ref.scale)}
         if values == {"offset": [0.0, 0.0], "rotation": 0.0, "scale": [1.0, 1.0]}:
             return {}
         self.extensions.add("KHR_texture_transform")
         return {"KHR_texture_transform": values}
 
-    def _texture(self, index: int) -> int:
+    def texture(self, index: int) -> int:
+        """The glTF texture of the scene's texture `index`."""
         if index not in self._textures:
             gltf, texture = self.buffer.gltf, self.scene.textures[index]
-            least, most = _FILTERS[texture.filter]
-            gltf.samplers.append(g.Sampler(magFilter=most, minFilter=least, wrapS=_WRAPS[texture.wrap[0]], wrapT=_WRAPS[texture.wrap[1]]))
             self._textures[index] = len(gltf.textures)
-            source, sampler = self._image(index, texture), len(gltf.samplers) - 1
-            gltf.textures.append(g.Texture(sampler=sampler, source=source, name=texture.name or None))
+            gltf.textures.append(g.Texture(source=self._image(index, texture), sampler=self.sampler(texture), name=texture.name or None))
         return self._textures[index]
+
+    def sampler(self, texture: Texture) -> int:
+        """Append a sampler and return its number."""
+        samplers = self.buffer.gltf.samplers
+        least, most = _FILTERS[texture.filter]
+        samplers.append(g.Sampler(magFilter=most, minFilter=least, wrapS=_WRAPS[texture.wrap[0]], wrapT=_WRAPS[texture.wrap[1]]))
+        return len(samplers) - 1
 
     def _image(self, index: int, texture: Texture) -> int:
         key = id(texture.image)  # an image used as colour and as data is stored once
         if key not in self._images:
-            gltf = self.buffer.gltf
-            self._images[key] = len(gltf.images)
+            name = Path(texture_file(texture, index)).stem
             if texture.image.dtype == np.uint8 or texture.srgb:
-                data, mime, ending = png_bytes(eight_bit(texture)), "image/png", ".png"
+                self._images[key] = self.stored(png_bytes(eight_bit(texture)), "image/png", f"{name}.png")
             else:
-                data, mime, ending = _exr_bytes(texture.image), "image/x-exr", ".exr"
-            if self.path is None:
-                image = g.Image(bufferView=self.buffer.view(data), mimeType=mime)
-            else:
-                name = f"{self.path.stem}_{Path(texture_file(texture, index)).stem}{ending}"
-                with atomic_write(self.path.with_name(name)) as file:
-                    file.write(data)
-                image = g.Image(uri=quote(name), mimeType=mime)
-            gltf.images.append(image)
+                self._images[key] = self.stored(exr_bytes(texture.image), "image/x-exr", f"{name}.exr")
         return self._images[key]
+
+    def stored(self, data: bytes, mime: str, name: str) -> int:
+        """Put a picture where it belongs and return its number; `name` follows the file's where it lies beside."""
+        if self.path.suffix.lower() == ".glb":
+            image = g.Image(bufferView=self.buffer.view(data), mimeType=mime)
+        else:
+            image = g.Image(uri=quote(self.beside(data, name)), mimeType=mime)
+        self.buffer.gltf.images.append(image)
+        return len(self.buffer.gltf.images) - 1
+
+    def beside(self, data: bytes, name: str) -> str:
+        """Write a file beside the scene's and return its name."""
+        name = f"{self.path.stem}_{name}"
+        with atomic_write(self.path.with_name(name)) as file:
+            file.write(data)
+        return name
 
 
 def _own(material: Material) -> dict[str, Any]:
@@ -149,16 +157,6 @@ def _own(material: Material) -> dict[str, Any]:
     if material.shininess is not None:
         own["shininess"] = float(material.shininess)
     return own
-
-
-def _exr_bytes(image: Array) -> bytes:
-    """Light of any range: glTF knows no float pictures, but readers of MOZ_lightmap take OpenEXR."""
-    import tempfile
-
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder, "image.exr")
-        write_exr(path, {"": image})
-        return path.read_bytes()
 
 
 def _floats(values: Any) -> list[float]:
