@@ -12,9 +12,11 @@ import numpy as np
 
 from luxel.arrays import Array
 from luxel.radiosity.luxels import Luxels
+from luxel.radiosity.occlusion import Masks, prepare
 from luxel.radiosity.patches import Tree, build_tree
 from luxel.radiosity.solve import Problem, source_of
 from luxel.radiosity.transport import AREA, GX, GZ, NX, NZ, PX, PZ, UX, UZ, VX, VZ, Elements, Occluders
+from luxel.raster.bin import MASK, OPAQUE
 from luxel.raster.geometry import Geometry
 
 if TYPE_CHECKING:
@@ -80,11 +82,10 @@ def _numbers(luxels: Luxels, u: Array, v: Array) -> Array:
     return numbers
 
 
-def _backs(numbers: Array, two_sided: Array) -> Array:
-    """The other sides of two-sided luxels."""
-    backs = numbers[:, two_sided]
-    backs[NX : GZ + 1] *= -1
-    return backs
+def _turned(numbers: Array) -> Array:
+    """The other sides."""
+    numbers[NX : GZ + 1] *= -1
+    return numbers
 
 
 def _in_tree_order(tree: Tree, numbers: Array) -> Array:
@@ -105,37 +106,44 @@ class Cut(NamedTuple):
     back: Array
 
 
-def occluders_of(geometry: Geometry, chart: Array, two_sided: Array) -> Occluders:
-    """What hides: all triangles.
+def occluders_of(geometry: Geometry, chart: Array, two_sided: Array, masks: Masks | None = None) -> Occluders:
+    """What hides: all triangles but those that are blended.
 
     Args:
         chart: (m,) int32 of each triangle.
         two_sided: (m,) bool.
+        masks: Of `scene_masks`.
     """
     positions = geometry.positions.astype(np.float64)
     a, b, c = (positions[geometry.triangles[:, k]] for k in range(3))
     normal = np.cross(b - a, c - a)
     planes = np.concatenate([normal.T, (normal * a).sum(1)[None]])
     planes[:, two_sided] = 0
-    whole = np.isfinite(planes).all(0) & (np.abs(planes[:3]).sum(0) > 0) | two_sided
+    mode = np.repeat(geometry.parts.alpha_mode, np.diff(geometry.part_start))
+    finite = np.isfinite(positions)[geometry.triangles].all((1, 2))
+    whole = finite & (mode == OPAQUE)
+    holed = np.where((finite & (mode == MASK))[:, None], geometry.triangles, 0)  # a triangle of one corner thrice hides nothing
     return Occluders(
         np.ascontiguousarray(np.nan_to_num(geometry.positions).T), np.ascontiguousarray(geometry.triangles[whole]),
         np.ascontiguousarray(chart[whole].astype(np.int32)), np.ascontiguousarray(planes[:, whole].astype(np.float32)),
+        prepare(geometry.positions, holed, masks),
     )  # fmt: skip
 
 
-def cut(atlas: Atlas, geometry: Geometry, luxels: Luxels, two_sided: Array, quality: Quality) -> Cut:
+def cut(atlas: Atlas, geometry: Geometry, luxels: Luxels, valid: Array, two_sided: Array, masks: Masks | None, quality: Quality) -> Cut:
     """Cut a scene into elements, patches and lights.
 
     Args:
         geometry: `flatten(atlas.scene, "none")`.
+        valid: (n,) bool: luxels that take part.
         two_sided: (m,) bool, of each triangle.
     """
     u, v = frames_of_texels(atlas, geometry, luxels)
     numbers = _numbers(luxels, u, v)
-    fronts = np.arange(len(luxels.area), dtype=np.int32)
-    luxel = np.concatenate([fronts, fronts[luxels.two_sided]])
-    numbers = np.concatenate([numbers, _backs(numbers, luxels.two_sided)], 1)
+    fronts = np.flatnonzero(valid).astype(np.int32)
+    backs = np.flatnonzero(luxels.two_sided).astype(np.int32)
+    luxel = np.concatenate([fronts, backs])
+    numbers = np.concatenate([numbers[:, fronts], _turned(numbers[:, backs])], 1)
     extent = (quality.patch * np.sqrt(numbers[AREA] / np.maximum(luxels.coverage[luxel], 0.05))).astype(np.float32)
     tree = build_tree(np.ascontiguousarray(numbers[PX : PZ + 1].T), np.ascontiguousarray(numbers[GX : GZ + 1].T), numbers[AREA], extent)
     elements = Elements(_in_tree_order(tree, numbers), luxels.chart[luxel][tree.order].astype(np.int32))
@@ -144,7 +152,7 @@ def cut(atlas: Atlas, geometry: Geometry, luxels: Luxels, two_sided: Array, qual
     lights, exitance = _lights(numbers, luxels.emission[luxel], quality)
     span = geometry.positions[np.isfinite(geometry.positions).all(1)]
     near = _NEAR * float(np.linalg.norm(np.ptp(span, axis=0)))
-    problem = Problem(elements, albedo, patches, lights, exitance, occluders_of(geometry, atlas.chart, two_sided), near)
+    problem = Problem(elements, albedo, patches, lights, exitance, occluders_of(geometry, atlas.chart, two_sided, masks), near)
     return Cut(problem, luxel[tree.order], tree.order >= len(fronts))
 
 

@@ -10,8 +10,7 @@ The ledger holds at every step, to rounding: emitted = absorbed + escaped + unsh
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -26,8 +25,6 @@ from luxel.radiosity.transport import AREA, PX, PZ, Elements, Occluders, Shooter
 _BATCH = 64
 _SCALE_RANGE = 0.8, 1.25
 """A row's sum is put right by no more than this; what is left over counts as escaped."""
-
-_F = np.float32
 
 
 class Source(NamedTuple):
@@ -84,6 +81,7 @@ class State:
 
     Attributes:
         received: (3, n) float32: irradiance so far, W/m2.
+        direct: (3, n) float32: the part of it that came from lights.
         unshot: (3, n) float32: radiosity not yet shot, W/m2.
         power: (p, 3) float64: the same by patch, W.
         lights_left: Patches of the lights that have still to shoot.
@@ -92,6 +90,7 @@ class State:
     """
 
     received: Array
+    direct: Array
     unshot: Array
     power: Array
     lights_left: int
@@ -165,11 +164,12 @@ def start(problem: Problem, irradiance: Array | None = None) -> State:
     if problem.lights is not None:
         emitted += problem.exitance.T.astype(np.float64) @ problem.lights.numbers[AREA].astype(np.float64)
     state = State(
-        np.zeros((3, n), np.float32), np.zeros((3, n), np.float32), np.zeros((len(problem.patches.tree.patches), 3)),
+        np.zeros((3, n), np.float32), np.zeros((3, n), np.float32), np.zeros((3, n), np.float32), np.zeros((len(problem.patches.tree.patches), 3)),
         0 if problem.lights is None else len(problem.lights.tree.patches), emitted,
     )  # fmt: skip
     if irradiance is not None:
         _take_in(state, problem, irradiance, 1)
+        state.direct += irradiance
         state.emitted += irradiance.astype(np.float64) @ area
     return state
 
@@ -228,12 +228,10 @@ def _mean(values: Array, area: Array, tree: Tree, chosen: Array) -> Array:
     return sums / np.add.reduceat(area.astype(np.float64), starts[:-1])[chosen][:, None]
 
 
-def steps(problem: Problem, state: State, rows: Rows, tolerance: float, threads: int, clock: dict[str, float] | None = None) -> Iterator[State]:
+def steps(problem: Problem, state: State, rows: Rows, tolerance: float, threads: int) -> Iterator[State]:
     """Shoot until what is unshot is below `tolerance` of what was emitted; yields the state after each batch."""
     n = problem.elements.numbers.shape[1]
-    area = problem.elements.numbers[AREA]
     tree, starts = problem.patches.tree, _starts(problem.patches.tree)
-    light_rows: Rows | None = None
     while True:
         if state.lights_left:
             lights = problem.lights
@@ -252,8 +250,9 @@ def steps(problem: Problem, state: State, rows: Rows, tolerance: float, threads:
             source = problem.patches
         gained = np.zeros((3, n), np.float32)
         if source is problem.lights:
-            state.escaped = state.escaped + _shoot(problem, source, chosen, light_rows, radiosity, gained, threads)
+            state.escaped = state.escaped + _shoot(problem, source, chosen, None, radiosity, gained, threads)
             state.lights_left -= len(chosen)
+            state.direct += gained
         else:
             state.escaped = state.escaped + _shoot(problem, source, chosen, rows, radiosity, gained, threads)
             for p in chosen:

@@ -22,6 +22,7 @@ from luxel import jit
 from luxel.arrays import Array
 from luxel.jit import bits_float, float_bits
 from luxel.radiosity.hemicube import FACES, ItemBuffers, delta_form_factors
+from luxel.radiosity.occlusion import Occlusion, occluded
 from luxel.radiosity.patches import Tree
 from luxel.radiosity.transfer import polygon_factor
 
@@ -59,12 +60,14 @@ class Occluders(NamedTuple):
         triangles: (m, 3) int32.
         surface: (m,) int32: which surface (chart) a triangle is of; -1 for none.
         planes: (4, m) float32: normal n and offset d of each triangle, in front where n.x > d; zeros for two-sided ones.
+        masked: Alpha-masked triangles, which are not drawn but asked ray by ray, as their holes are finer than a hemicube's pixels.
     """
 
     positions: Array
     triangles: Array
     surface: Array
     planes: Array
+    masked: Occlusion
 
 
 class Shooters(NamedTuple):
@@ -204,14 +207,15 @@ def _find(first, count, numbers, center, frame, place, c, listed):
 
 @jit.parallel_kernel
 def _fill_rows(queue, numbers, surface, span, child, place, source, nodes, centers, frames, start, resolutions, depth, ids, near,
-               surfaces, slots, rows, sums):  # fmt: skip
+               surfaces, masked, slots, rows, sums):  # fmt: skip
     n = numbers.shape[1]
     blocks = (n + BLOCK - 1) // BLOCK
     own_c, own_list, own_stack, own_corners = np.empty((6, BLOCK), np.float32), np.empty(BLOCK + 1, np.uint64), np.empty(_DEEPEST, np.int32), np.empty((4, 3))
     c, listed, stack, corners = jit.borrow(own_c), jit.borrow(own_list), jit.borrow(own_stack), jit.borrow(own_corners)
     numbers, surface, span, child, place = jit.borrow(numbers), jit.borrow(surface), jit.borrow(span), jit.borrow(child), jit.borrow(place)
     source, depth, ids, surfaces, rows = jit.borrow(source), jit.borrow(depth), jit.borrow(ids), jit.borrow(surfaces), jit.borrow(rows)
-    centers, frames = jit.borrow(centers), jit.borrow(frames)
+    centers, frames, masked = jit.borrow(centers), jit.borrow(frames), jit.borrow(masked)
+    any_masked = len(masked.link) > 0
     block = jit.take(queue)
     while block < blocks:
         first = block * BLOCK
@@ -234,6 +238,11 @@ def _fill_rows(queue, numbers, surface, span, child, place, source, nodes, cente
                 v = seen_fraction(
                     c[_LX, i], c[_LY, i], c[_LZ, i], nr, nu, na, surface[j], resolutions[s], np.uint64(start[s]), near, depth, ids, surfaces
                 )
+                if v > _F(0.0) and any_masked and occluded(
+                    masked, centers[s, 0], centers[s, 1], centers[s, 2], np.float64(numbers[PX, j]), np.float64(numbers[PY, j]),
+                    np.float64(numbers[PZ, j]), -1, -1
+                ):  # fmt: skip
+                    continue
                 if v > _F(0.0):
                     r2 = c[_R2, i]
                     if r2 < _FAR * radius2:
@@ -309,7 +318,7 @@ def fill_rows(elements: Elements, tree: Tree, source: Array, shooters: Shooters,
     sums = np.empty((count, -(-n // BLOCK)))
     jit.run(
         _fill_rows, threads, elements.numbers, elements.surface, tree.span, tree.child, tree.place, source, shooters.node, shooters.centers,
-        shooters.frames, seen.start, seen.resolution, seen.depth, seen.ids, np.float32(seen.near), occluders.surface, slots, rows, sums,
+        shooters.frames, seen.start, seen.resolution, seen.depth, seen.ids, np.float32(seen.near), occluders.surface, occluders.masked, slots, rows, sums,
     )  # fmt: skip
     sizes = sorted(set(seen.resolution.tolist()))
     deltas = [delta_form_factors(size).ravel() for size in sizes]

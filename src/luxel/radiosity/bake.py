@@ -1,0 +1,257 @@
+"""Bake: from a scene to a lit scene.
+
+    unwrap -> luxels -> those inside solids found -> elements, patches, lights -> direct light of what has no surface -> solve -> lightmap
+"""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from luxel import jit
+from luxel.arrays import Array
+from luxel.errors import InputError, LuxelWarning
+from luxel.radiosity import checkpoint as saving
+from luxel.radiosity import lightmap
+from luxel.radiosity.direct import light_table, shine, sky_table
+from luxel.radiosity.elements import QUALITIES, Cut, Quality, cut
+from luxel.radiosity.inside import seen_backs
+from luxel.radiosity.luxels import Luxels, find_luxels, part_of
+from luxel.radiosity.occlusion import Occlusion, prepare
+from luxel.radiosity.rays import scene_masks
+from luxel.radiosity.solve import Rows, State, Step, ambient, start, steps
+from luxel.radiosity.unwrap import Atlas, unwrap
+from luxel.raster.bin import BLEND
+from luxel.raster.geometry import Geometry, flatten
+from luxel.scene.material import Material
+from luxel.scene.scene import Scene
+
+_ROW_BYTES = 1 << 30
+"""Rows of transport are kept up to this."""
+
+_MOST_BACKS = 0.5
+"""A luxel that sees more backs than this is inside a solid."""
+
+_SKY_DIRECTIONS = {"draft": 128, "normal": 512, "final": 2048}
+_SAVE_EVERY = 30.0  # seconds
+
+
+@dataclass
+class Baked:
+    """A scene with its light.
+
+    Attributes:
+        atlas: Where every luxel lies.
+        luxels: n of them.
+        irradiance: (n, 3) float32: E on the front of each luxel, W/m2; 0 where not `valid`.
+        valid: (n,) bool: False inside solids.
+        direct: (n, 3) float32: what came from the lights without a bounce.
+        ledger: A `Step` a batch of shots.
+        seconds: By stage.
+        finished: The unshot light is below the tolerance.
+    """
+
+    atlas: Atlas
+    luxels: Luxels
+    irradiance: Array
+    valid: Array
+    direct: Array
+    ledger: list[Step]
+    seconds: dict[str, float]
+    finished: bool
+    layers: dict[str, Array] = field(default_factory=dict)
+
+    @cached_property
+    def pages(self) -> Array:
+        """(p, h, w, 3) float32: the lightmap, filled, with gutters, and without steps at seams; W/m2."""
+        return lightmap.finish(self.atlas, self.luxels, self.irradiance, self.valid)[0]
+
+    @property
+    def scene(self) -> Scene:
+        """The atlas's scene with the lightmap."""
+        return lightmap.attach(self.atlas, self.pages)
+
+
+@dataclass
+class _Prepared:
+    """A scene ready to be solved."""
+
+    atlas: Atlas
+    luxels: Luxels
+    geometry: Geometry
+    valid: Array
+    cut: Cut
+    rays: Occlusion
+    reach: float
+
+
+@dataclass
+class Progress:
+    """What a bake in progress can tell: unshot share of the light, shots so far, and the picture so far."""
+
+    prepared: _Prepared
+    state: State
+
+    @property
+    def unshot(self) -> float:
+        """Of the emitted light, 0..1."""
+        return self.state.ledger[-1].unshot_fraction if self.state.ledger else 1.0
+
+    def preview(self) -> Scene:
+        """The scene as lit so far, with an ambient term for what is unshot."""
+        p = self.prepared
+        values = _per_luxel(p, self.state.received + ambient(p.cut.problem, self.state)[:, None])
+        return lightmap.attach(p.atlas, lightmap.finish(p.atlas, p.luxels, values, p.valid)[0])
+
+
+def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None = None, page: int = 1024, sky: Any = None,
+         tolerance: float | None = None, seconds: float | None = None, threads: int | None = None,
+         progress: Callable[[float, Progress], None] | None = None, checkpoint: str | Path | None = None, resume: bool = False) -> Baked:  # fmt: skip
+    """Light a scene: diffuse light between all its surfaces, as a lightmap.
+
+    What shines: emissive materials (their radiance), point, spot and directional lights, and the sky.
+
+    Args:
+        scene: A Scene, or anything `luxel.load` takes.
+        quality: "draft", "normal", "final", or a `Quality`.
+        density: Luxels per metre; None: chosen from the scene's size.
+        page: Side of a lightmap page, texels.
+        sky: Radiance, W/(m2 sr): a number, (3,), or an equirectangular (h, w, 3) picture; None: no sky.
+        tolerance: Share of the emitted light that may stay unshot; it is spread evenly. None: the quality's.
+        seconds: Stop shooting after so long, whatever is unshot.
+        threads: None: all cores this process may use. The result does not depend on it.
+        progress: Called after each batch of shots with the unshot share and a `Progress`.
+        checkpoint: A file that keeps the state, every half minute and when the bake is interrupted.
+        resume: Go on from `checkpoint` if it is there.
+
+    Raises:
+        InputError: Nothing shines, there is no surface, or a value cannot be worked with; the checkpoint is of another bake.
+        ExtraMissingError: The scene needs texture coordinates and xatlas is not installed.
+    """
+    settings = _quality(quality, tolerance)
+    threads = jit.checked_threads(threads)
+    clock = _Clock()
+    prepared = _prepare(scene, settings, density, page, threads, clock)
+    table = _lights(prepared.atlas.scene, sky, quality if isinstance(quality, str) else "normal")
+    problem = prepared.cut.problem
+    if problem.lights is None and not len(table):
+        raise InputError("bake: nothing shines: expected an emissive material, a light or a sky")
+    light = shine(prepared.rays, problem.elements, table, prepared.reach, threads) if len(table) else None
+    clock.lap("direct")
+    state = start(problem, light)
+    key = saving.fingerprint(prepared.geometry, prepared.luxels, problem.exitance, table, settings) if checkpoint else ""
+    if checkpoint and resume:
+        state = saving.load(Path(checkpoint), key, state) or state
+    deadline = time.monotonic() + seconds if seconds is not None else None
+    finished = _shoot_all(prepared, state, settings, threads, deadline, progress, (Path(checkpoint), key) if checkpoint else None)
+    clock.lap("solve")
+    values = _per_luxel(prepared, state.received + ambient(problem, state)[:, None].astype(np.float32))
+    return Baked(prepared.atlas, prepared.luxels, values, prepared.valid, _per_luxel(prepared, state.direct), state.ledger, clock.seconds, finished)
+
+
+def _quality(quality: str | Quality, tolerance: float | None) -> Quality:
+    if not isinstance(quality, Quality):
+        if quality not in QUALITIES:
+            raise InputError(f"quality: expected {', '.join(QUALITIES)}; got {quality!r}")
+        quality = QUALITIES[quality]
+    if tolerance is not None:
+        if not 0 < tolerance <= 1:
+            raise InputError(f"tolerance: expected a share between 0 and 1, got {tolerance!r}")
+        quality = quality._replace(tolerance=float(tolerance))
+    return quality
+
+
+def _prepare(scene: Any, settings: Quality, density: float | None, page: int, threads: int, clock: _Clock) -> _Prepared:
+    if not isinstance(scene, Scene):
+        from luxel.io import load
+
+        scene = load(scene)
+    clock.lap("load")
+    atlas = unwrap(scene, density, page)
+    clock.lap("unwrap")
+    luxels = find_luxels(atlas, threads)
+    if not len(luxels.area):
+        raise InputError("bake: the scene has no surface")
+    clock.lap("luxels")
+    geometry = flatten(atlas.scene, "none")
+    two_sided = _two_sided(atlas.scene, geometry)
+    masks = scene_masks(atlas.scene, geometry)
+    mode = np.repeat(geometry.parts.alpha_mode, np.diff(geometry.part_start))
+    rays = prepare(geometry.positions, np.where((mode == BLEND)[:, None], 0, geometry.triangles), masks)
+    finite = geometry.positions[np.isfinite(geometry.positions).all(1)]
+    reach = 2.0 * float(np.linalg.norm(np.ptp(finite, axis=0)))
+    backs = seen_backs(rays, two_sided, luxels.position, luxels.face_normal, reach, threads)
+    valid = (backs <= _MOST_BACKS) | luxels.two_sided
+    if not valid.any():
+        warnings.warn("every surface sees only backs of others: are the normals inverted?", LuxelWarning, stacklevel=3)
+        valid[:] = True
+    clock.lap("inside")
+    pieces = cut(atlas, geometry, luxels, valid, two_sided, masks, settings)
+    clock.lap("patches")
+    return _Prepared(atlas, luxels, geometry, valid, pieces, rays, reach)
+
+
+def _two_sided(scene: Scene, geometry: Geometry) -> Array:
+    """(m,) bool, of each triangle."""
+    sided = np.array([m.double_sided for m in [*scene.materials, Material()]])
+    return sided[geometry.part_material[part_of(geometry, np.arange(len(geometry.triangles)))]]
+
+
+def _lights(scene: Scene, sky: Any, quality: str) -> Array:
+    """Every light without a surface, as a `light_table`."""
+    table = light_table(scene.lights)
+    if sky is None:
+        return table
+    radiance = np.full(3, float(sky)) if np.ndim(sky) == 0 else sky
+    if not (np.isfinite(radiance).all() and np.min(radiance) >= 0):
+        raise InputError("sky: expected finite radiance of at least 0")
+    return np.concatenate([table, sky_table(radiance, _SKY_DIRECTIONS[quality])])
+
+
+def _per_luxel(prepared: _Prepared, values: Array) -> Array:
+    """(n, 3) float32 per luxel of (3, elements): of their fronts."""
+    front = ~prepared.cut.back
+    result = np.zeros((len(prepared.luxels.area), 3), np.float32)
+    result[prepared.cut.luxel[front]] = values[:, front].T
+    return result
+
+
+def _shoot_all(prepared: _Prepared, state: State, settings: Quality, threads: int, deadline: float | None,
+               progress: Callable[[float, Progress], None] | None, keep: tuple[Path, str] | None) -> bool:  # fmt: skip
+    """Shoot to the end; returns whether it was reached. The checkpoint is written now and then, and whatever ends this."""
+    problem = prepared.cut.problem
+    rows = Rows(len(problem.patches.tree.patches), problem.elements.numbers.shape[1], _ROW_BYTES)
+    saved = time.monotonic()
+    try:
+        for _ in steps(problem, state, rows, settings.tolerance, threads):
+            if progress:
+                progress(state.ledger[-1].unshot_fraction, Progress(prepared, state))
+            if keep and time.monotonic() - saved > _SAVE_EVERY:
+                saving.save(*keep, state)
+                saved = time.monotonic()
+            if deadline is not None and time.monotonic() > deadline:
+                return False
+    finally:
+        if keep:
+            saving.save(*keep, state)
+    return True
+
+
+class _Clock:
+    """Seconds by stage."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self.last = time.perf_counter()
+
+    def lap(self, stage: str) -> None:
+        now = time.perf_counter()
+        self.seconds[stage] = self.seconds.get(stage, 0.0) + now - self.last
+        self.last = now

@@ -1,0 +1,71 @@
+"""Checkpoints: the state of a bake in a file, written beside and renamed, so that there is always a whole one."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from luxel.arrays import Array
+from luxel.errors import FileError, InputError
+from luxel.radiosity.luxels import Luxels
+from luxel.radiosity.solve import State, Step
+from luxel.raster.geometry import Geometry
+
+_ARRAYS = ("received", "direct", "unshot", "power", "emitted", "absorbed", "escaped")
+
+
+def fingerprint(geometry: Geometry, luxels: Luxels, exitance: Array, lights: Array, settings: Any) -> str:
+    """Of everything that the solution depends on."""
+    digest = hashlib.sha256(repr(settings).encode())
+    for array in (geometry.positions, geometry.triangles, luxels.position, luxels.normal, luxels.area, luxels.albedo, exitance, lights):
+        digest.update(np.ascontiguousarray(array))
+    return digest.hexdigest()
+
+
+def save(path: Path, key: str, state: State) -> None:
+    """Write the state.
+
+    Raises:
+        FileError: The file cannot be written; what was there stays.
+    """
+    beside = path.with_name(path.name + ".part")
+    ledger = np.array([[s.shots, *s.emitted, *s.absorbed, *s.escaped, *s.unshot] for s in state.ledger]).reshape(-1, 13)
+    arrays = {name: getattr(state, name) for name in _ARRAYS}
+    try:
+        with open(beside, "wb") as file:
+            np.savez(file, key=np.array(key), counts=np.array([state.lights_left, state.shots]), ledger=ledger, **arrays)
+        beside.replace(path)
+    except OSError as error:
+        beside.unlink(missing_ok=True)
+        raise FileError(f"{path}: the checkpoint cannot be written ({error.strerror or error})") from error
+
+
+def load(path: Path, key: str, fresh: State) -> State | None:
+    """The state kept in a file; None if there is no file.
+
+    Args:
+        key: `fingerprint` of this bake.
+        fresh: A state before the first shot, whose arrays have the shapes.
+
+    Raises:
+        FileError: The file cannot be read.
+        InputError: It is of another bake.
+    """
+    if not path.exists():
+        return None
+    try:
+        with np.load(path, allow_pickle=False) as kept:
+            arrays = {name: kept[name] for name in (*_ARRAYS, "key", "counts", "ledger")}
+    except (OSError, ValueError, KeyError, EOFError) as error:
+        raise FileError(f"{path}: expected a checkpoint of a bake ({error})") from error
+    if str(arrays["key"]) != key:
+        raise InputError(f"{path}: the checkpoint is of another scene or other settings; delete it, or bake without --resume")
+    for name in _ARRAYS:
+        if arrays[name].shape != getattr(fresh, name).shape:
+            raise FileError(f"{path}: {name}: expected {getattr(fresh, name).shape}, got {arrays[name].shape}")
+    lights_left, shots = (int(count) for count in arrays["counts"])
+    ledger = [Step(int(row[0]), *(row[1 + 3 * i : 4 + 3 * i] for i in range(4))) for row in arrays["ledger"]]
+    return State(**{name: arrays[name] for name in _ARRAYS}, lights_left=lights_left, shots=shots, ledger=ledger)
