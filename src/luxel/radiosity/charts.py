@@ -6,24 +6,17 @@ start at a texel's corner: a rectangle of w x h texels covers w x h texels.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import warnings
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from luxel.arrays import Array
-from luxel.errors import ExtraMissingError
+from luxel.errors import ExtraMissingError, LuxelWarning
+from luxel.radiosity.pieces import Pieces, Surface, find_pieces, least_extent
 
-_LEAST_AREA = 1e-6
-"""Square texels; what is smaller has no chart of its own."""
+_COST = 1.0  # of growing a chart: half of xatlas's default is several times as fast on dense meshes, and distorts less
 _FULL = 0.75  # of a page: charts do not grow beyond its square
-
-
-class Surface(NamedTuple):
-    """One mesh to be charted: positions (n, 3) float32 and normals (n, 3) float32, in texels; triangles (m, 3) int32."""
-
-    positions: Array
-    triangles: Array
-    normals: Array
 
 
 class Charted(NamedTuple):
@@ -55,43 +48,41 @@ def chart_surfaces(surfaces: list[Surface], page: int, gutter: int) -> tuple[lis
     Raises:
         ExtraMissingError: xatlas is not installed.
     """
+    pieces = [find_pieces(surface) for surface in surfaces]
+    least = least_extent(pieces)
+    if least > 1.0:
+        count = sum(np.count_nonzero(p.extent <= least) for p in pieces)
+        text = f"{count} separate pieces smaller than {least:.3g} texels get one luxel each: there are too many to chart; take fewer texels per metre"
+        warnings.warn(text, LuxelWarning, stacklevel=3)
+    charted = [p.sound & (p.extent > least)[p.piece] for p in pieces]
+    atlas = _packed(surfaces, charted, page, gutter)
+    made, number, first = [], 0, 0
+    for surface, chosen in zip(surfaces, charted, strict=True):
+        made.append(_laid(atlas, number, surface, chosen, first, page) if chosen.any() else _nowhere(surface))
+        number, first = number + bool(chosen.any()), max(first, int(made[-1].chart.max(initial=-1)) + 1)
+    return _with_points(made, surfaces, pieces, least, page, gutter)
+
+
+def _packed(surfaces: list[Surface], charted: list[Array], page: int, gutter: int) -> Any:
+    """xatlas's atlas of the charted triangles of each surface, which are its meshes; surfaces without any are left out."""
     try:
         import xatlas
     except ImportError as error:
         raise ExtraMissingError("xatlas", "bake", "making lightmap coordinates") from error
-    atlas, good = xatlas.Atlas(), [_charted_triangles(surface) for surface in surfaces]
-    for surface, chosen in zip(surfaces, good, strict=True):
+    atlas, options, packing = xatlas.Atlas(), xatlas.ChartOptions(), xatlas.PackOptions()
+    for surface, chosen in zip(surfaces, charted, strict=True):
         if chosen.any():
-            with np.errstate(all="ignore"):
-                middle = surface.positions[surface.triangles[chosen]].mean((0, 1), np.float64)
-            faces = surface.triangles[chosen].astype(np.uint32)
-            atlas.add_mesh((surface.positions - middle).astype(np.float32), faces, surface.normals)
-    made: list[Charted] = []
-    pages = first = number = 0
-    if any(chosen.any() for chosen in good):
-        options, packing = xatlas.ChartOptions(), xatlas.PackOptions()
-        options.max_chart_area = (_FULL * page) ** 2
-        packing.resolution, packing.texels_per_unit = page, 1.0
-        packing.padding = gutter // 2 + 1  # around each chart, so twice between two; one is lost when charts move to texels' corners
-        packing.rotate_charts_to_axis = True
+            faces = surface.triangles[chosen]
+            used, faces = np.unique(faces, return_inverse=True)
+            corners = surface.positions[used].astype(np.float64)
+            atlas.add_mesh((corners - corners.mean(0)).astype(np.float32), faces.reshape(-1, 3).astype(np.uint32), surface.normals[used])
+    options.max_chart_area, options.max_cost = (_FULL * page) ** 2, _COST
+    packing.resolution, packing.texels_per_unit = page, 1.0
+    packing.padding = gutter // 2 + 1  # around each chart, so twice between two; up to two are lost when charts move to texels' corners
+    packing.rotate_charts_to_axis = True
+    if any(chosen.any() for chosen in charted):
         atlas.generate(options, packing)
-        pages = atlas.atlas_count
-    for surface, chosen in zip(surfaces, good, strict=True):
-        if chosen.any():
-            flat = _laid(atlas, number, surface, chosen, first, page)
-            first, number = max(first, int(flat.chart.max()) + 1), number + 1
-        else:
-            flat = _nowhere(surface)
-        made.append(flat)
-    return made, max(pages, 1)
-
-
-def _charted_triangles(surface: Surface) -> Array:
-    """(m,) bool: triangles that have an area."""
-    with np.errstate(all="ignore"):
-        a, b, c = (surface.positions[surface.triangles[:, k]].astype(np.float64) for k in range(3))
-        area = np.sqrt((np.cross(b - a, c - a) ** 2).sum(1)) / 2
-        return np.isfinite(area) & (area > _LEAST_AREA)
+    return atlas
 
 
 def _nowhere(surface: Surface) -> Charted:
@@ -99,18 +90,69 @@ def _nowhere(surface: Surface) -> Charted:
     return Charted(np.arange(n, dtype=np.int32), surface.triangles, np.zeros((n, 2)), np.full(m, -1, np.int32), np.zeros(m, np.int32))
 
 
-def _laid(atlas: object, number: int, surface: Surface, chosen: Array, first: int, size: int) -> Charted:
-    """What xatlas made of its mesh `number`: charts from `first` on, with exact densities, and the triangles without an area put beside."""
-    source, triangles, texcoords = atlas.get_mesh(number)  # type: ignore[attr-defined]
-    source, triangles = source.astype(np.int32), triangles.astype(np.int32)
-    charts = [atlas.get_mesh_chart(number, k) for k in range(atlas.get_mesh_chart_count(number))]  # type: ignore[attr-defined]
+def _laid(atlas: Any, number: int, surface: Surface, chosen: Array, first: int, size: int) -> Charted:
+    """What xatlas made of its mesh `number`, with exact densities: charts from `first` on. Triangles not chosen keep vertices of their own."""
+    source, triangles, texcoords = atlas.get_mesh(number)
+    source, triangles = np.unique(surface.triangles[chosen])[source].astype(np.int32), triangles.astype(np.int32)
+    count, m = atlas.get_mesh_chart_count(number), len(chosen)
     chart, page = np.full(len(triangles), -1, np.int32), np.zeros(len(triangles), np.int32)
-    for k, found in enumerate(charts):
+    for k in range(count):
+        found = atlas.get_mesh_chart(number, k)
         faces = np.asarray(found.faces, np.int64)
-        chart[faces], page[faces] = first + k, found.atlas_index
-    corners = surface.positions[source].astype(np.float64)
-    flat = exact(corners, triangles, texcoords.astype(np.float64) * size, chart - first, len(charts))
-    return _with_rest(Charted(source, triangles, flat, chart, page), surface, chosen)
+        chart[faces], page[faces] = k, found.atlas_index
+    flat = exact(surface.positions[source].astype(np.float64), triangles, texcoords.astype(np.float64) * size, chart, count)
+    rest = surface.triangles[~chosen]
+    every = Charted(np.concatenate([source, rest.ravel()]), np.empty((m, 3), np.int32), np.concatenate([flat, np.zeros((rest.size, 2))]),
+                    np.full(m, -1, np.int32), np.zeros(m, np.int32))  # fmt: skip
+    every.triangles[chosen], every.chart[chosen], every.page[chosen] = triangles, np.where(chart >= 0, chart + first, -1), page
+    every.triangles[~chosen] = np.arange(rest.size).reshape(-1, 3) + len(source)
+    return every
+
+
+def _with_points(made: list[Charted], surfaces: list[Surface], pieces: list[Pieces], least: float, size: int,
+                 gutter: int) -> tuple[list[Charted], int]:  # fmt: skip
+    """Give each piece that is too small for a chart a texel, in rows below the charts or on pages of their own, and triangles without an area
+    the nearest place on the charts of their surface."""
+    small = [np.bincount(p.piece, p.area, len(p.extent)) * (p.extent <= least) > 0 for p in pieces]
+    used, pages = _used(made)
+    places = _cells(sum(map(np.count_nonzero, small)), used, pages, size, gutter)
+    chart, first, moved = max((int(flat.chart.max(initial=-1)) for flat in made), default=-1) + 1, 0, []
+    for flat, surface, p, chosen in zip(made, surfaces, pieces, small, strict=True):
+        number = np.cumsum(chosen) - 1 + first
+        point = chosen[p.piece]
+        row = number[p.piece[point]]
+        flat.chart[point], flat.page[point] = row + chart, places[row, 0]
+        corners = flat.triangles[point]
+        flat.texcoords[corners] = places[row, None, 1:] + 0.5
+        first += np.count_nonzero(chosen)
+        moved.append(_with_rest(flat, surface))
+    return moved, max(pages, int(places[:, 0].max(initial=-1)) + 1, 1)
+
+
+def _used(made: list[Charted]) -> tuple[tuple[int, int], int]:
+    """Width and height of what is used of the last page, and the number of pages; 0 of none."""
+    pages = max((int(flat.page[flat.chart >= 0].max(initial=-1)) for flat in made), default=-1) + 1
+    high = np.zeros(2)
+    for flat in made:
+        chosen = (flat.chart >= 0) & (flat.page == pages - 1)
+        if chosen.any():
+            high = np.maximum(high, flat.texcoords[flat.triangles[chosen]].max((0, 1)))
+    width, height = (int(np.ceil(side - 1e-3)) for side in high)
+    return (width, height), pages
+
+
+def _cells(count: int, used: tuple[int, int], pages: int, size: int, gutter: int) -> Array:
+    """(count, 3) int: page, x and y of so many free texels."""
+    pitch = 1 + gutter
+    width, top = min(size, max(used[0], int(np.sqrt(count) * pitch))), used[1] + gutter if pages else 0
+    across = max(1, (width + gutter) // pitch)
+    room = across * max(0, (size - top + gutter) // pitch) if pages else 0  # on the last page that is there
+    here = np.arange(min(count, room))
+    beside = np.stack([np.full(len(here), max(pages - 1, 0)), here % across * pitch, here // across * pitch + top], 1)
+    left = np.arange(count - len(here))
+    across = max(1, (size if len(here) or len(left) > ((size + gutter) // pitch) ** 2 else width + gutter) // pitch)
+    each = across * ((size + gutter) // pitch)
+    return np.concatenate([beside, np.stack([pages + left // each, left % each % across * pitch, left % each // across * pitch], 1)])
 
 
 def exact(positions: Array, triangles: Array, texcoords: Array, chart: Array, count: int) -> Array:
@@ -126,7 +168,7 @@ def exact(positions: Array, triangles: Array, texcoords: Array, chart: Array, co
     """
     density = linear_density(positions, triangles, texcoords, chart, count)
     owner = np.zeros(len(texcoords), np.int64)
-    owner[triangles] = chart[:, None]
+    owner[triangles[chart >= 0]] = chart[chart >= 0][:, None]
     low, high = np.full((count, 2), np.inf), np.full((count, 2), -np.inf)
     np.minimum.at(low, owner, texcoords)
     np.maximum.at(high, owner, texcoords)
@@ -155,21 +197,19 @@ def linear_density(positions: Array, triangles: Array, texcoords: Array, chart: 
     return sums / np.maximum(total, 1e-300)[:, None]
 
 
-def _with_rest(flat: Charted, surface: Surface, chosen: Array) -> Charted:
-    """Add the triangles that were not charted, each as a point at the nearest vertex that was."""
-    m, rest = len(chosen), np.flatnonzero(~chosen)
-    if not len(rest):
+def _with_rest(flat: Charted, surface: Surface) -> Charted:
+    """Put every triangle that has no chart, because it has no area, as a point at the nearest vertex that has one."""
+    rest = np.flatnonzero(flat.chart < 0)
+    if not len(rest) or len(rest) == len(flat.chart):
         return flat
     from scipy.spatial import cKDTree
 
     with np.errstate(all="ignore"):
         middle = np.nan_to_num(surface.positions[surface.triangles[rest]].astype(np.float64).mean(1), nan=0.0, posinf=0.0, neginf=0.0)
-    owner = np.zeros(len(flat.source), np.int64)
-    owner[flat.triangles] = np.arange(len(flat.triangles))[:, None]
-    nearest = cKDTree(surface.positions[flat.source]).query(middle)[1]
-    triangles, chart, page = np.empty((m, 3), np.int32), np.empty(m, np.int32), np.empty(m, np.int32)
-    triangles[chosen], chart[chosen], page[chosen] = flat.triangles, flat.chart, flat.page
-    triangles[rest] = np.arange(3 * len(rest)).reshape(-1, 3) + len(flat.source)
-    chart[rest], page[rest] = flat.chart[owner[nearest]], flat.page[owner[nearest]]
-    source = np.concatenate([flat.source, surface.triangles[rest].ravel()])
-    return Charted(source, triangles, np.concatenate([flat.texcoords, np.repeat(flat.texcoords[nearest], 3, 0)]), chart, page)
+    charted = np.flatnonzero(flat.chart >= 0)
+    corners = flat.triangles[charted].ravel()
+    nearest = cKDTree(np.nan_to_num(surface.positions[flat.source[corners]], nan=0.0, posinf=0.0, neginf=0.0)).query(middle)[1]
+    flat.texcoords[flat.triangles[rest]] = flat.texcoords[corners[nearest]][:, None]
+    owner = charted[nearest // 3]
+    flat.chart[rest], flat.page[rest] = flat.chart[owner], flat.page[owner]
+    return flat

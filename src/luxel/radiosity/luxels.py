@@ -16,6 +16,7 @@ from luxel import jit
 from luxel.arrays import Array
 from luxel.errors import LuxelWarning
 from luxel.radiosity.appearance import LEAST_SHARE, appearance
+from luxel.radiosity.pieces import areas
 from luxel.radiosity.texture_space import Texels, area2, cut_texels, place_vertices
 from luxel.raster.geometry import Geometry, flatten
 from luxel.raster.materials import pack_materials
@@ -96,9 +97,7 @@ def find_luxels(atlas: Atlas, threads: int | None = None) -> Luxels:
 
 def surface_areas(geometry: Geometry) -> Array:
     """(m,) float64: area of each triangle, m2; 0 where a corner is not finite."""
-    with np.errstate(all="ignore"):
-        a, b, c = (geometry.positions[geometry.triangles[:, k]].astype(np.float64) for k in range(3))
-        return np.nan_to_num(np.sqrt((np.cross(b - a, c - a) ** 2).sum(1)) / 2, nan=0.0, posinf=0.0)
+    return areas(geometry.positions, geometry.triangles)
 
 
 def part_of(geometry: Geometry, triangle: Array) -> Array:
@@ -127,10 +126,10 @@ def _draw_pages(atlas: Atlas, geometry: Geometry, threads: int) -> tuple[Texels,
     surface = surface_areas(geometry)
     drawn, contested, number = [], [], []
     for page in range(atlas.pages):
-        chosen = np.flatnonzero((pages == page) & (surface > 0)).astype(np.int32)
+        chosen = np.flatnonzero((pages == page) & (surface > 0) & (atlas.chart >= 0)).astype(np.int32)
         faces = geometry.triangles[chosen]
         texels = cut_texels(faces, screen, atlas.chart[chosen], surface[chosen], atlas.size, threads)
-        texels = _with_points(texels, faces, screen, surface[chosen], atlas.size)
+        texels = _with_points(texels, faces, screen, atlas.chart[chosen], surface[chosen], atlas.size)
         place = texels.place[texels.loser >= 0]
         contested.append(np.stack([np.full(len(place), page), place // atlas.size[0], place % atlas.size[0]], 1))
         drawn.append(texels._replace(triangle=chosen[texels.triangle]))
@@ -140,21 +139,24 @@ def _draw_pages(atlas: Atlas, geometry: Geometry, threads: int) -> tuple[Texels,
     return every, np.concatenate([np.zeros(0, int), *number]), np.concatenate([np.zeros((0, 3), int), *contested]).astype(np.int32)
 
 
-def _with_points(texels: Texels, triangles: Array, screen: Array, surface: Array, size: tuple[int, int]) -> Texels:
+def _with_points(texels: Texels, triangles: Array, screen: Array, chart: Array, surface: Array, size: tuple[int, int]) -> Texels:
     """Add texels for triangles that have a surface but no area on the page: each stands in the texel of its middle, if that is free."""
     flat = np.flatnonzero(area2(screen, triangles) == 0)
+    if not len(flat):
+        return texels
     x, y = (screen[:, k].astype(np.int64)[triangles[flat]].sum(1) // (3 * 256) for k in (0, 1))
-    place = (y * size[0] + x)[inside := (x >= 0) & (x < size[0]) & (y >= 0) & (y < size[1])]
-    flat = flat[inside]
-    order = np.lexsort((flat, -surface[flat], place))  # of several the largest
+    inside = (x >= 0) & (x < size[0]) & (y >= 0) & (y < size[1])
+    flat, place = flat[inside], (y * size[0] + x)[inside]
+    keys, group = np.unique(np.stack([place, chart[flat]]), axis=1, return_inverse=True)
+    whole = np.bincount(group, surface[flat], keys.shape[1])
+    order = np.lexsort((flat, -surface[flat], -whole[group], place))  # the largest triangle of the largest chart
     place, first = np.unique(place[order], return_index=True)
     free = ~np.isin(place, texels.place)
-    place, flat = place[free].astype(np.int32), flat[order][first][free].astype(np.int32)
+    chosen = order[first[free]]
+    place, flat, whole = place[free].astype(np.int32), flat[chosen].astype(np.int32), whole[group[chosen]]
     third, none = np.full(len(flat), 1 / 3, np.float32), np.full(len(flat), -1, np.int32)
-    points = Texels(place, flat, third, third, surface[flat], np.full(len(flat), 1 / 65536, np.float32), none)
+    points = Texels(place, flat, third, third, whole, np.full(len(flat), 1 / 65536, np.float32), none)
     joined = Texels(*(np.concatenate(pair) for pair in zip(texels, points, strict=True)))
-    if not len(place):
-        return texels
     order = np.argsort(joined.place, kind="stable")
     return Texels(*(array[order] for array in joined))
 

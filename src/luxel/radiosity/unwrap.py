@@ -10,7 +10,8 @@ import numpy as np
 
 from luxel.arrays import Array
 from luxel.errors import InputError
-from luxel.radiosity.charts import Charted, Surface, chart_surfaces
+from luxel.radiosity.charts import Charted, chart_surfaces
+from luxel.radiosity.pieces import Surface, areas
 from luxel.raster.geometry import made_normals
 from luxel.scene.mesh import Mesh
 from luxel.scene.scene import Instance, Scene
@@ -71,7 +72,7 @@ def unwrap(scene: Scene, density: float | Mapping[str, float] | None = None, pag
 def densities(scene: Scene, meshes: list[Mesh], surfaces: list[Surface], density: object) -> list[float]:
     """Texels per metre of each instance."""
     if density is None:
-        area = sum(float(_areas(surface).sum()) for surface in surfaces)
+        area = sum(float(areas(surface.positions, surface.triangles).sum()) for surface in surfaces)
         density = float(np.sqrt(LUXELS / area)) if area > 0 else 1.0
     by_name: dict[str, Any] = dict(density) if isinstance(density, Mapping) else {"": density}
     for name, value in by_name.items():
@@ -100,12 +101,6 @@ def _in_world(mesh: Mesh, instance: Instance) -> Surface:
     normals = np.asarray(mesh.normals) @ np.linalg.pinv(matrix[:3, :3])
     length = np.sqrt((normals**2).sum(1, keepdims=True))
     return Surface(positions, mesh.triangles, np.where(length > 0, normals / np.maximum(length, 1e-30), 0).astype(np.float32))
-
-
-def _areas(surface: Surface) -> Array:
-    with np.errstate(all="ignore"):
-        a, b, c = (surface.positions[surface.triangles[:, k]] for k in range(3))
-        return np.nan_to_num(np.sqrt((np.cross(b - a, c - a) ** 2).sum(1)) / 2, nan=0.0, posinf=0.0)
 
 
 def _page_size(charted: list[Charted], pages: int, page: int) -> tuple[int, int]:
