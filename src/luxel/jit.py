@@ -34,7 +34,7 @@ from luxel.errors import InputError
 
 __all__ = [
     "DISABLED", "array_data", "available_threads", "borrow", "cache_folder", "cgutils", "checked_threads", "compiled", "count_bits", "device",
-    "inlined", "intrinsic", "ir", "kernel", "lowest_bit", "on_compile", "parallel_kernel", "part", "run", "take", "types",
+    "inlined", "intrinsic", "ir", "kernel", "lowest_bit", "on_compile", "parallel_kernel", "part", "prefetch", "run", "take", "types",
 ]  # fmt: skip
 
 def _skip_blas_probe() -> None:
@@ -210,6 +210,9 @@ if DISABLED:
         """How many bits of a uint64 are set."""
         return int(bits).bit_count()
 
+    def prefetch(array: Any, index: Any) -> None:
+        """Nothing, without a compiler."""
+
 else:
 
     def _without_owner(context: Any, builder: Any, kind: Any, value: Any) -> Any:
@@ -283,6 +286,20 @@ else:
             return builder.ctpop(arguments[0])
 
         return types.int64(types.uint64), codegen
+
+    @intrinsic
+    def prefetch(typingctx: Any, array: Any, index: Any) -> Any:
+        """Ask for the cache line of element `index` (uint64) of an array of one axis, which will soon be read. It may be one past the end."""
+
+        def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            byte, word = ir.IntType(8).as_pointer(), ir.IntType(32)
+            place = builder.bitcast(builder.gep(array_data(context, builder, signature, arguments, 0), [arguments[1]]), byte)
+            kind = ir.FunctionType(ir.VoidType(), [byte, word, word, word])
+            function = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0i8")
+            builder.call(function, [place, *(ir.Constant(word, k) for k in (0, 3, 1))])  # to read, into all caches, of data
+            return context.get_dummy_value()
+
+        return types.void(array, types.uint64), codegen
 
 
 _pool: tuple[int, ThreadPoolExecutor] | None = None

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from luxel.errors import InputError
 from luxel.layout import ORDERS, acmr, batch, order
 from luxel.layout.adjacency import adjacency, bounded
-from luxel.layout.greedy import LEFT, OPEN, cost_table
+from luxel.layout.greedy import LEFT_CELLS, OPEN_CELLS, cost_table
 from luxel.layout.risk import risk_table
 
 NO_POSITIONS = [name for name in ORDERS if name != "morton"]
@@ -129,7 +129,7 @@ def test_weights_change_the_order():
 @pytest.mark.parametrize("cache", [3, 8, 12, 100])
 def test_the_risk_is_a_chance_that_grows_with_age(cache):
     risk = risk_table(cache)
-    assert risk.shape == (cache, OPEN, LEFT)
+    assert risk.shape == (cache, OPEN_CELLS, LEFT_CELLS)
     assert ((risk >= 0) & (risk <= 1)).all()
     assert (np.diff(risk[:, 3, 1]) >= 0).all()
     assert risk[cache - 1, 1, 0] == 1
@@ -154,10 +154,12 @@ def test_parts_and_threads_change_no_byte(monkeypatch):
 @settings(max_examples=60, deadline=None)
 @given(made.soups(), st.integers(1, 30))
 def test_regions_hold_every_triangle_once(triangles, size):
-    from luxel.layout.partition import regions
+    from luxel.layout.partition import Regions
 
-    n = int(triangles.max()) + 1
-    assert sorted(regions(triangles, adjacency(triangles, n), size).tolist()) == list(range(len(triangles)))
+    regions = Regions(triangles, adjacency(triangles, int(triangles.max()) + 1), size)
+    members = [regions.members(k).tolist() for k in range(regions.count)]
+    assert sorted(t for part in members for t in part) == list(range(len(triangles)))
+    assert {len(part) for part in members[:-1]} <= {size}
 
 
 def test_part_sizes_make_an_even_number_of_parts():

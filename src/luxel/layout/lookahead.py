@@ -19,13 +19,13 @@ import numpy as np
 from luxel import jit
 from luxel.arrays import Array
 from luxel.layout.adjacency import Adjacency, bounded
-from luxel.layout.greedy import LEFT, OPEN, VALENCE
+from luxel.layout.greedy import LEFT_CELLS, OPEN_CELLS, VALENCE
 from luxel.layout.tree import Tree, commit, grow, prune
 from luxel.layout.window import NONE, NOWHERE, STACK, Orders, Whole, Window, copy_order, draw, place_vertex, push, sweep
 
 _FAN = 8
 """Vertices loaded before a fan is left."""
-_MOST_LEFT, _MOST_OPEN = np.uint64(LEFT), np.uint64(OPEN - 1)
+_MOST_LEFT, _MOST_OPEN = np.uint64(LEFT_CELLS), np.uint64(OPEN_CELLS - 1)
 RATE = 0.1
 """Vertices lost for each triangle of a good order."""
 LIMIT = 256
@@ -255,8 +255,8 @@ def _scratch(faces: Array, rows: Adjacency, cache: int, width: int, depth: int) 
 
 
 def _by_left(table: Array, black: float) -> Array:
-    """(cache, LEFT + 1, OPEN) float32: `table` with its last two axes exchanged, and a row for vertices that have none left."""
-    turned = np.full((len(table), LEFT + 1, OPEN), black, np.float32)
+    """(cache, LEFT_CELLS + 1, OPEN_CELLS) float32: `table` with its last two axes exchanged, and a row for vertices that have none left."""
+    turned = np.full((len(table), LEFT_CELLS + 1, OPEN_CELLS), black, np.float32)
     turned[:, 1:] = table.transpose(0, 2, 1)
     return turned
 

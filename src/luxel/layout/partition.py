@@ -1,8 +1,8 @@
 """Large meshes in parts: grown regions of neighbours, ordered by threads side by side.
 
 A region grows breadth-first over shared vertices until it has its share of the triangles; the next starts at the border of those before. What a part
-costs alone is a second load of the vertices on its border, about the root of its size; a cold cache costs a dozen. The parts depend on the mesh
-only, so the order is the same for any number of threads.
+costs alone is a second load of the vertices on its border, about the root of its size. The parts depend on the mesh only, so the order is the
+same for any number of threads. A part is grown when some thread has nothing to do, while the others order those before.
 """
 
 from __future__ import annotations
@@ -15,92 +15,98 @@ import numpy as np
 
 from luxel import jit
 from luxel.arrays import Array
-from luxel.layout.adjacency import Adjacency, adjacency
+from luxel.layout.adjacency import Adjacency
+from luxel.layout.fans import ROW, U
 
 PART = 1 << 17
 """Most triangles of a part."""
+_DONE, _FIRST, _LAST, _CURSOR = U(0), U(1), U(2), U(3)
+_FAR, _NEAR = U(12), U(6)
+"""How many vertices ahead of the growth its memory is asked for: rows, and then triangles."""
 
 
 @jit.part
-def _seed(start, rows, placed, border, ends, cursor):
+def _seed(start, rows, placed, border, state):
     """A vertex with triangles that are in no part yet: the one that has waited longest at some border, else the next of the input."""
-    while ends[0] < ends[1]:
-        v = border[ends[0]]
-        ends[0] += 1
-        for i in range(start[v], start[v + np.uint32(1)]):
+    while state[_FIRST] < state[_LAST]:
+        v = border[state[_FIRST]]
+        state[_FIRST] += U(1)
+        for i in range(start[v], start[U(v) + U(1)]):
             if placed[rows[i]] == 0:
                 return v
-    v = np.uint32(cursor[0])
+    v = state[_CURSOR]
     while True:
-        for i in range(start[v], start[v + np.uint32(1)]):
+        for i in range(start[v], start[v + U(1)]):
             if placed[rows[i]] == 0:
-                cursor[0] = v
-                return v
-        v = np.uint32(v + 1)
+                state[_CURSOR] = v
+                return np.uint32(v)
+        v += U(1)
+
+
+@jit.inlined
+def _ask(queue, first, last, start, rows, faces):
+    """Have brought near what the next vertices of the queue will read."""
+    if first + _FAR < last:
+        jit.prefetch(rows, U(start[queue[first + _FAR]]))
+    if first + _NEAR < last:
+        v = U(queue[first + _NEAR])
+        for i in range(start[v], start[v + U(1)]):
+            jit.prefetch(faces, ROW * U(rows[i]))
 
 
 @jit.kernel
-def _regions(faces, start, rows, size, queue, border, seen, placed, members):
-    """Write the triangles region after region into `members`; `queue` and `border` (n,) are scratch, `seen` (n,) and `placed` (m,) hold 0.
-
-    All arrays are unsigned (see `luxel.layout.greedy`).
-    """
-    m = len(faces)
-    ends, cursor = np.zeros(2, np.int64), np.zeros(1, np.int64)
-    one, done, region = np.uint64(1), np.uint64(0), 0
-    while done < m:
-        region += 1
-        end = np.uint64(min(m, region * size))
-        first, last = np.uint64(0), np.uint64(0)
-        while done < end:
-            if first == last:
-                v = _seed(start, rows, placed, border, ends, cursor)
-                if last == len(queue):
-                    first = last = np.uint64(0)
-                seen[v] = region
-                queue[last] = v
-                last += one
-            v = queue[first]
-            first += one
-            for i in range(start[v], start[v + np.uint32(1)]):
-                t = rows[i]
-                if placed[t]:
-                    continue
-                placed[t] = 1
-                members[done] = t
-                done += one
-                for corner in range(3):
-                    u = faces[t, corner]
-                    if seen[u] != region:
-                        seen[u] = region
-                        queue[last] = u
-                        last += one
-                if done == end:
-                    first -= one  # the rest of its triangles wait with it
-                    break
-        if ends[0] == ends[1]:
-            ends[0] = ends[1] = 0
-        for i in range(first, last):
-            if ends[1] < len(border):
-                border[ends[1]] = queue[i]
-                ends[1] += 1
-    return region
+def _grow(faces, start, rows, region, end, queue, border, seen, placed, members, state):
+    """Add one more region to `members`, which then hold `end` triangles; what stays in the queue goes to the `border`. All is unsigned."""
+    done, first, last = state[_DONE], U(0), U(0)
+    while done < end:
+        if first == last:
+            v = _seed(start, rows, placed, border, state)
+            if last == len(queue):
+                first = last = U(0)
+            seen[v] = region
+            queue[last] = v
+            last += U(1)
+        _ask(queue, first, last, start, rows, faces)
+        v = U(queue[first])
+        first += U(1)
+        for i in range(start[v], start[v + U(1)]):
+            t = rows[i]
+            if placed[t]:
+                continue
+            placed[t] = 1
+            members[done] = t
+            done += U(1)
+            for corner in range(3):
+                u = faces[ROW * t + U(corner)]
+                if seen[u] != region:
+                    seen[u] = region
+                    queue[last] = u
+                    last += U(1)
+            if done == end:
+                first -= U(1)  # the rest of its triangles wait with it
+                break
+    if state[_FIRST] == state[_LAST]:
+        state[_FIRST] = state[_LAST] = 0
+    for i in range(first, last):
+        if state[_LAST] < len(border):
+            border[state[_LAST]] = queue[i]
+            state[_LAST] += U(1)
+    state[_DONE] = done
 
 
 @jit.kernel
 def _compact(faces, members, number, inside, vertices):
     """Write the faces of a part with its own vertex numbers into `inside`; `number` (n,) holds 0, and again at the end. Return their count."""
     count = np.uint32(0)
-    for i in range(np.uint64(len(members))):
-        t = members[i]
+    for i in range(U(len(members))):
         for corner in range(3):
-            v = faces[t, corner]
+            v = faces[ROW * members[i] + U(corner)]
             if number[v] == 0:
                 vertices[count] = v
-                count = np.uint32(count + 1)
+                count = np.uint32(count + np.uint32(1))
                 number[v] = count
-            inside[i, corner] = number[v] - 1
-    for i in range(count):
+            inside[ROW * i + U(corner)] = number[v] - np.uint32(1)
+    for i in range(U(count)):
         number[vertices[i]] = 0
     return count
 
@@ -111,50 +117,61 @@ def part_size(count: int, most: int | None = None) -> int:
     return count if count <= most else -(-count // (2 * -(-count // (2 * most))))
 
 
-def regions(faces: Array, rows: Adjacency, size: int) -> Array:
-    """(m,) int32: the triangles, region after region of `size` each (the last may be smaller)."""
-    n, m, word = len(rows.start) - 1, len(faces), np.uint32
-    members = np.empty(m, np.int32)
-    arrays = (array.view(word) for array in (faces, rows.start, rows.triangles))
-    _regions(*arrays, size, np.empty(n, word), np.empty(n, word), np.zeros(n, word), np.zeros(m, np.uint8), members.view(word))
-    return members
-
-
-def in_parts(faces: Array, rows: Adjacency, size: int, threads: int, work: Callable[[Array, Adjacency], Array],
-             progress: Callable[[int, int], None] | None = None) -> Array:  # fmt: skip
-    """(m,) int32: the order that `work(faces, rows)` gives each part of `size` triangles, part after part.
+class Regions:
+    """The parts of a mesh, `size` triangles each (the last may be smaller), grown one after another when they are asked for.
 
     Args:
         faces: (m, 3) int32.
         rows: Their adjacency.
-        size: Triangles of a part; no more than one part is made if it holds them all.
+        size: Triangles of a part.
+    """
+
+    def __init__(self, faces: Array, rows: Adjacency, size: int) -> None:
+        n, m, word = len(rows.start) - 1, len(faces), np.uint32
+        self.faces, self.vertex_count, self.size, self.count = faces, n, size, -(-m // size)
+        self._members = np.empty(m, word)
+        self._mesh = faces.reshape(-1).view(word), rows.start.view(word), rows.triangles.view(word)
+        self._scratch = np.empty(n, word), np.empty(n, word), np.zeros(n, word), np.zeros(m, np.uint8), self._members, np.zeros(4, U)
+        self._grown, self._lock = 0, threading.Lock()
+
+    def members(self, k: int) -> Array:
+        """(size,) int32: the triangles of part k. Threads may ask at once."""
+        with self._lock:
+            while self._grown <= k:
+                self._grown += 1
+                _grow(*self._mesh, self._grown, U(min(len(self._members), self._grown * self.size)), *self._scratch)
+        return self._members[k * self.size : (k + 1) * self.size].view(np.int32)
+
+
+def in_parts(regions: Regions, threads: int, work: Callable[[Array, int], Array], progress: Callable[[int, int], None] | None = None) -> Array:
+    """(m,) int32: the order that `work(faces, vertex_count)` gives each part, part after part.
+
+    Args:
+        regions: The parts.
         threads: Parts are ordered by that many threads.
-        work: Takes a part's triangles with vertices of their own and their adjacency, and returns the order of the triangles.
+        work: Takes a part's triangles with vertices of their own, and their number, and returns the order of the triangles.
         progress: Called with the triangles done and their number after each part, one call at a time.
     """
-    m = len(faces)
-    if m <= size:
-        return work(faces, rows)
-    members, source = regions(faces, rows, size), np.empty(m, np.int32)
-    parts = -(-m // size)
-    lock, done, todo = threading.Lock(), [0], iter(range(parts))
+    m, size = len(regions.faces), regions.size
+    source = np.empty(m, np.int32)
+    lock, done, todo = threading.Lock(), [0], iter(range(regions.count))
 
     def worker(_queue: Any) -> None:
-        number = np.zeros(len(rows.start) - 1, np.uint32)
+        number = np.zeros(regions.vertex_count, np.uint32)
         while True:
             with lock:
                 k = next(todo, None)
             if k is None:
                 return
-            mine = members[k * size : (k + 1) * size]
+            mine = regions.members(k)
             inside = np.empty((len(mine), 3), np.int32)
-            arrays = (array.view(np.uint32) for array in (faces, mine))
-            count = int(_compact(*arrays, number, inside.view(np.uint32), np.empty(3 * len(mine), np.uint32)))
-            source[k * size : k * size + len(mine)] = mine[work(inside, adjacency(inside, count))]
+            arrays = (array.reshape(-1).view(np.uint32) for array in (regions.faces, mine))
+            count = int(_compact(*arrays, number, inside.reshape(-1).view(np.uint32), np.empty(3 * len(mine), np.uint32)))
+            source[k * size : k * size + len(mine)] = mine[work(inside, count)]
             with lock:
                 done[0] += len(mine)
                 if progress:
                     progress(done[0], m)
 
-    jit.run(worker, min(threads, parts))
+    jit.run(worker, min(threads, regions.count))
     return source

@@ -14,12 +14,12 @@ from luxel.errors import InputError
 from luxel.layout import batch
 from luxel.layout.adjacency import Adjacency, adjacency
 from luxel.layout.cache import POLICIES, misses
-from luxel.layout.checks import MOST_INDICES, SMALLEST_CACHE, checked_cache, checked_triangles, checked_weights, positive, whole
+from luxel.layout.checks import SMALLEST_CACHE, checked_cache, checked_triangles, checked_weights, positive, whole
 from luxel.layout.forsyth import forsyth
 from luxel.layout.gather import gather
 from luxel.layout.greedy import cost_table, greedy
 from luxel.layout.lookahead import DEPTH, SEARCH_WEIGHTS, WIDTH, look_ahead
-from luxel.layout.partition import in_parts, part_size
+from luxel.layout.partition import Regions, in_parts, part_size
 from luxel.layout.patches import patches
 from luxel.layout.risk import risk_table
 from luxel.layout.simple import morton, shuffled
@@ -70,6 +70,7 @@ class _Job:
     threads: int = 1
     progress: Callable[[int, int], None] | None = None
     _rows: Adjacency | None = None
+    _regions: Regions | None = None
 
     @property
     def is_fifo(self) -> bool:
@@ -96,13 +97,19 @@ class _Job:
         missed = batch.misses(triangles, self.model, self.vertices) if self.model else misses(triangles, self.cache, self.policy, self.vertices)
         return int(missed.sum(dtype=np.int64)) / len(triangles)
 
-    def in_parts(self, work: Callable[[Array, Adjacency], Array]) -> Array:
-        return in_parts(self.faces, self.rows, part_size(len(self.faces)), self.threads, work, self.progress)
+    def in_parts(self, work: Callable[[Array, int], Array]) -> Array:
+        """The order that `work` gives the mesh, or part after part of a large one."""
+        size = part_size(len(self.faces))
+        if size >= len(self.faces):
+            return work(self.faces, self.vertices)
+        if self._regions is None:
+            self._regions = Regions(self.faces, self.rows, size)
+        return in_parts(self._regions, self.threads, work, self.progress)
 
 
 def _greedy(job: _Job, name: str) -> Array:
     costs = cost_table(name, job.weights, job.modelled)
-    return job.in_parts(lambda faces, rows: greedy(faces, rows, job.modelled, costs))
+    return job.in_parts(lambda faces, vertices: greedy(faces, vertices, job.modelled, costs))
 
 
 def _patches(job: _Job) -> Array:
@@ -113,7 +120,12 @@ def _patches(job: _Job) -> Array:
 def _look_ahead(job: _Job) -> Array:
     k = job.modelled
     costs, others, risk = cost_table("lin-yu", SEARCH_WEIGHTS, k), cost_table("greedy", None, k), risk_table(k)
-    return job.in_parts(lambda faces, rows: look_ahead(faces, rows, k, job.width, job.depth, costs, others, risk))
+
+    def work(faces: Array, vertices: int) -> Array:
+        rows = job.rows if faces is job.faces else adjacency(faces, vertices)
+        return look_ahead(faces, rows, k, job.width, job.depth, costs, others, risk)
+
+    return job.in_parts(work)
 
 
 _MADE: dict[str, Callable[[_Job], Array]] = {
@@ -185,14 +197,14 @@ def _drawn(job: _Job, name: str, source: Array) -> tuple[Array, float]:
     """The triangles in the order of `source`, turned for the target, and their misses per triangle on it."""
     if name == "file":
         return job.faces, job.score(job.faces)
-    triangles, loads = gather(job.faces, source, job.vertices, job.cache)
+    triangles, loads = gather(job.faces, source, job.vertices, job.cache, job.threads)
     return triangles, loads / len(source) if job.is_fifo else job.score(triangles)
 
 
 def _try(job: _Job, name: str) -> tuple[Trial, Array, Array]:
     began = time.perf_counter()
     if name == "tipsify":  # turns its triangles itself
-        source, drawn, loads = tipsify(job.faces, job.rows, min(job.cache, MOST_INDICES // 2, 3 * len(job.faces) + 3))
+        source, drawn, loads = tipsify(job.faces, job.vertices, job.cache)
         acmr = loads / len(source) if job.is_fifo else job.score(drawn)
     else:
         source = _MADE[name](job)

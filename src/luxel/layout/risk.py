@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from luxel.arrays import Array
-from luxel.layout.greedy import LEFT, OPEN
+from luxel.layout.greedy import LEFT_CELLS, OPEN_CELLS
 
 _RISK = (
     (0.5, 0.0, 0.2, 0.0, 0.015),
@@ -18,12 +18,12 @@ _RISK = (
 
 
 def risk_table(cache: int) -> Array:
-    """(cache, OPEN, LEFT) float32: the chance that a vertex is dropped alive, by age, open corners and triangles left - 1.
+    """(cache, OPEN_CELLS, LEFT_CELLS) float32: the chance that a vertex is dropped alive, by age, open corners and triangles left - 1.
 
     Certain if fewer loads remain than C1; else a logistic curve over the loads that remain, fitted to counts at caches of 8, 12, 16 and 32 on
     fandisk, lionstatue and beetle.
     """
-    age, opened, left = np.ogrid[:cache, :OPEN, 1 : LEFT + 1]
+    age, opened, left = np.ogrid[:cache, :OPEN_CELLS, 1 : LEFT_CELLS + 1]
     c1 = np.where(opened > 0, np.maximum(opened - left + 1, 1), 0)
     remaining = cache - 1 - age
     half, per_cache, width, width_per_cache, least = np.array(_RISK).T[:, np.clip(c1, 1, len(_RISK)) - 1]
