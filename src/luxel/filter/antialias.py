@@ -19,7 +19,7 @@ from luxel.arrays import Array
 from luxel.errors import InputError
 from luxel.filter.borders import border_map
 from luxel.filter.filters import checked_picture, refuse_odd
-from luxel.filter.sums import all_finite, block, sum_row, whole_blocks, worker_scratch
+from luxel.filter.sums import all_finite, block, staggered, sum_columns, sum_row, whole_blocks, worker_scratch
 from luxel.filter.transfer import butterworth
 
 CUTOFF, ORDER = 0.4, 4.0
@@ -29,7 +29,6 @@ _LEFT_OUT = 1e-3  # of the largest weight, by the poles; in truth it is less tha
 _FARTHEST = 64  # pixels
 _HIGHEST = 16.0  # cycles per pixel: the default filter lets 4e-7 through
 _ROWS = 16  # of the result, made at once
-_NARROW = 8  # blocks of sums whose columns are summed together
 
 
 def decimate(picture: object, rate: int, cutoff: float = CUTOFF, order: float = ORDER, threads: int | None = None) -> Array:
@@ -99,7 +98,7 @@ def _run(source: Array, out: Array, rate: int, taps: Array, threads: int) -> boo
     if numbers < columns:  # a block of sums is wider than the picture, and reads on
         flat = np.append(flat, np.zeros(columns, dtype))
     jit.run(_decimate, threads, workers, flat, out.reshape(-1), len(out), width, channels, rate, y_map * numbers, x_map,
-            taps.astype(dtype), phase * length + k * channels, length, columns, own, ranges,
+            taps.astype(dtype), staggered(taps.astype(dtype), rate).reshape(-1), phase * length + k * channels, length, columns, own, ranges,
             *whole_blocks(out.shape[1] * channels, dtype), odd)  # fmt: skip
     if odd[0]:
         return False
@@ -117,20 +116,6 @@ def _range_of(low, high, row):
 
 
 @jit.part
-def _sum_columns(sums, source, numbers, places, rate, first, here, weights, low, high, columns, spare):
-    """The first pass, for `here` rows of the result from the row `first` on: a few columns of all of them at a time."""
-    length, before = numbers + columns, (len(weights) - rate) // 2
-    wide = min(_NARROW * columns, numbers)
-    for left in range(0, numbers, wide):
-        x = min(left, numbers - wide)
-        for y in range(before + first * rate, before + (first + here) * rate):
-            _range_of(low[x : x + wide], high[x : x + wide], source[places[y] + x : places[y] + x + wide])
-        for y in range(here):
-            rows = places[(first + y) * rate : (first + y) * rate + len(weights)]
-            sum_row(sums, y * length + x, wide, source, x, rows, weights, columns, spare)
-
-
-@jit.part
 def _deal(phases, length, row, at, x_map, channels, rate):
     """Every `rate`-th pixel of a row, mirrored beyond its ends, to a row of its own. Unsigned places are not looked at for being below 0."""
     for phase in range(rate):
@@ -142,7 +127,7 @@ def _deal(phases, length, row, at, x_map, channels, rate):
 
 
 @jit.parallel_kernel
-def _decimate(queue, workers, source, out, height, width, channels, rate, places, x_map, weights, offsets, length, columns, scratch, ranges,
+def _decimate(queue, workers, source, out, height, width, channels, rate, places, x_map, weights, together, offsets, length, columns, scratch, ranges,
               all_offsets, zeros, odd):  # fmt: skip
     me = jit.take(workers)
     own = scratch[me]
@@ -153,14 +138,16 @@ def _decimate(queue, workers, source, out, height, width, channels, rate, places
     phases = jit.borrow(own[(_ROWS + 2) * pitch : len(own) - columns])
     spare = jit.borrow(own[len(own) - columns :])
     source, out, places, x_map = jit.borrow(source), jit.borrow(out), jit.borrow(places), jit.borrow(x_map)
-    weights, offsets = jit.borrow(weights), jit.borrow(offsets)
+    weights, together, offsets = jit.borrow(weights), jit.borrow(together), jit.borrow(offsets)
     for i in range(numbers):
         low[i], high[i] = np.inf, -np.inf
-    across = width // rate * channels
+    across, before = width // rate * channels, (len(weights) - rate) // 2
     first = jit.take(queue) * _ROWS
     while first < height:
         here = min(_ROWS, height - first)
-        _sum_columns(sums, source, numbers, places, rate, first, here, weights, low, high, columns, spare)
+        for y in range(before + first * rate, before + (first + here) * rate):
+            _range_of(low, high, source[places[y] : places[y] + numbers])
+        sum_columns(sums, 0, pitch, source, numbers, places, rate, first, here, weights, together, columns, spare)
         for y in range(here):
             _deal(phases, length, sums, y * pitch, x_map, channels, rate)
             sum_row(out, (first + y) * across, across, phases, 0, offsets, weights, columns, spare)

@@ -11,8 +11,10 @@ import numpy as np
 from luxel import jit
 from luxel.arrays import Array
 from luxel.errors import InputError
-from luxel.filter import cost, light, overlap, sums, transfer
+from luxel.filter import cost, light, overlap, transfer
 from luxel.filter.borders import border_map, checked_border
+from luxel.filter.direct import direct
+from luxel.filter.separable import separable
 from luxel.filter.spectral import Transfer, by_kernel, by_transfer
 
 _RANK_ONE = 1e-9  # of the largest weight: a kernel so near to a product of a column and a row is one
@@ -216,9 +218,9 @@ def _apply(plan: cost.Plan, image: Array, filter: Filter, border: str, value: fl
     x_map = border_map(image.shape[1], left, wide - left, border)
     out = np.empty_like(image)
     if plan.method == "separable":
-        finite = sums.separable(image, out, y_map, _turned(column, image), x_map, left, _turned(row, image), value, threads)
+        finite = separable(image, out, y_map, _turned(column, image), x_map, left, _turned(row, image), value, threads)
     elif plan.method == "direct":
-        finite = sums.direct(image, out, y_map, x_map, left, _turned(kernel, image), value, threads)
+        finite = direct(image, out, y_map, x_map, left, _turned(kernel, image), value, threads)
     else:
         finite = overlap.overlap_save(image, out, y_map, x_map, kernel, value, plan.size, threads)
     return out, finite

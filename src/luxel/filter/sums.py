@@ -1,7 +1,7 @@
-"""Convolution by sums: of the two passes of a separable kernel, or of all weights of any kernel that are not zero.
+"""Weighted sums of rows and of neighbours: what `separable`, `direct` and `antialias` are made of.
 
-Bands of output rows are independent, so they are what threads take from the queue; within one, everything stays in the second cache. Rows
-are summed as they lie, colours side by side: a tap one pixel further is `channels` numbers further.
+Rows are summed as they lie, colours side by side: a tap one pixel further is `channels` numbers further. What is summed down columns is made for
+several rows at once, because neighbouring rows are made of the same numbers.
 """
 
 from __future__ import annotations
@@ -10,13 +10,11 @@ import numpy as np
 
 from luxel import jit
 from luxel.arrays import Array
-from luxel.filter.vectors import LINE, SUMS, weighted_sums
+from luxel.filter.vectors import LINE, ROWS, SUMS, weighted_rows, weighted_sums
 
-_STRIP = 8  # blocks of sums loaded side by side in the first pass
-_SHORT = 33  # taps of a column that are summed where the rows lie
-_CHUNKS = 6  # pieces of work for each thread
 _NARROW = 4  # blocks of sums whose columns are summed together
-_SCRATCH = 1 << 20  # bytes of a band's rows that should stay in the second cache; a quarter where columns are short
+SCRATCH = 1 << 20
+"""Bytes of a band's rows that should stay in the second cache."""
 
 
 def block(dtype: object) -> int:
@@ -30,6 +28,14 @@ def aligned(shape: tuple[int, ...], dtype: object) -> Array:
     raw = np.empty(size * np.dtype(dtype).itemsize + LINE, np.uint8)  # type: ignore[call-overload]
     skip = -raw.ctypes.data % LINE
     return raw[skip : skip + size * np.dtype(dtype).itemsize].view(dtype).reshape(shape)  # type: ignore[call-overload]
+
+
+def staggered(weights: Array, step: int = 1) -> Array:
+    """Weights (n, ...) for ROWS rows at once, each `step` places further than the one before: (n + (ROWS - 1) step, ..., ROWS)."""
+    out = np.zeros((len(weights) + (ROWS - 1) * step, *weights.shape[1:], ROWS), weights.dtype)
+    for row in range(ROWS):
+        out[row * step : row * step + len(weights), ..., row] = weights
+    return out
 
 
 @jit.part
@@ -71,23 +77,17 @@ def sum_row(out, at, count, x, start, offsets, weights, width, spare):
 
 
 @jit.part
-def _load_strip(blocks, source, y_map, first, rows, x, count, length, value, width):
-    """Copy `count` numbers from column `x` of the rows y_map[first : first + rows] into blocks of `width` columns, row below row."""
-    for y in range(rows):
-        place = y_map[first + y]
-        for k in range(0, count, width):
-            at, some = (k * rows) + y * width, min(width, count - k)
-            if place < 0:
-                for i in range(some):
-                    blocks[at + i] = value
-            else:
-                start = place * length + x + k
-                for i in range(some):
-                    blocks[at + i] = source[start + i]
+def sum_rows(out, at, apart, count, x, start, offsets, weights, width):
+    """The same for ROWS rows, `apart` from each other in `out`; at least a block of sums in each."""
+    i = 0
+    while i < count:
+        i = min(i, count - width)
+        weighted_rows(out, at + i, apart, x, start + i, offsets, weights)
+        i += width
 
 
 @jit.part
-def _extend_row(row, at, before, pixels, channels, x_map, value):
+def extend_row(row, at, before, pixels, channels, x_map, value):
     """Fill what a row of `pixels` at `at + before * channels` lacks on both sides."""
     for p in range(len(x_map)):
         if before <= p < before + pixels:
@@ -97,113 +97,20 @@ def _extend_row(row, at, before, pixels, channels, x_map, value):
 
 
 @jit.part
-def _columns_in_place(sums, length, at, source, numbers, places, first, here, weights, columns, spare):
-    """The first pass over `here` rows from the row `first` on, where the rows lie: a few columns of all of them at a time."""
-    wide = min(_NARROW * columns, numbers)
+def sum_columns(sums, at, length, source, numbers, places, step, first, here, weights, together, columns, spare):
+    """The first pass over `here` rows from the row `first` on, where the rows lie: a few columns of all of them at a time. Row y is the sum of
+    those at places[y * step], places[y * step + 1], ..., and goes to sums[at + (y - first) * length]."""
+    wide, taps = min(_NARROW * columns, numbers), len(together) // ROWS
     for left in range(0, numbers, wide):
-        x = min(left, numbers - wide)
-        for y in range(here):
-            rows = places[first + y : first + y + len(weights)]
-            sum_row(sums, y * length + at + x, wide, source, x, rows, weights, columns, spare)
-
-
-@jit.part
-def _columns_in_strips(sums, length, at, blocks, source, numbers, y_map, first, here, weights, offsets, value, columns):
-    """The same by way of strips of blocks: for many taps, whose rows are far apart in memory, and for rows that are the constant."""
-    loaded = here + len(weights) - 1
-    for x in range(0, numbers, _STRIP * columns):
-        count = min(_STRIP * columns, numbers - x)
-        _load_strip(blocks, source, y_map, first, loaded, x, count, numbers, value, columns)
-        for k in range(0, count, columns):
-            for y in range(here):
-                weighted_sums(sums, y * length + at + x + k, blocks, k * loaded + y * columns, offsets, weights)
-
-
-@jit.parallel_kernel
-def _separable(queue, workers, source, out, height, width, channels, y_map, y_weights, x_map, before, x_weights, value, beside, chunk, rows,
-               columns, length, short, y_places, y_offsets, x_offsets, scratch, all_offsets, zeros, odd):  # fmt: skip
-    own = scratch[jit.take(workers)]
-    all_offsets, zeros, odd = jit.borrow(all_offsets), jit.borrow(zeros), jit.borrow(odd)
-    sums, blocks, spare = jit.borrow(own[: rows * length]), jit.borrow(own[rows * length : len(own) - columns]), jit.borrow(own[len(own) - columns :])
-    source, out, y_map, x_map = jit.borrow(source), jit.borrow(out), jit.borrow(y_map), jit.borrow(x_map)
-    y_weights, x_weights, y_offsets, x_offsets = jit.borrow(y_weights), jit.borrow(x_weights), jit.borrow(y_offsets), jit.borrow(x_offsets)
-    y_places = jit.borrow(y_places)
-    numbers = width * channels
-    start = jit.take(queue) * chunk
-    while start < height:
-        end = min(start + chunk, height)
-        for first in range(start, end, rows):
-            here = min(rows, end - first)
-            if short and numbers >= columns and y_map[first] >= 0 and y_map[first + here + len(y_weights) - 2] >= 0:
-                _columns_in_place(sums, length, before * channels, source, numbers, y_places, first, here, y_weights, columns, spare)
+        x, y = min(left, numbers - wide), 0
+        while y < here:
+            start, to = (first + y) * step, at + y * length + x
+            if y + ROWS <= here and wide >= columns:
+                sum_rows(sums, to, length, wide, source, x, places[start : start + taps], together, columns)
+                y += ROWS
             else:
-                _columns_in_strips(sums, length, before * channels, blocks, source, numbers, y_map, first, here, y_weights, y_offsets, value, columns)
-            for y in range(here):
-                _extend_row(sums, y * length, before, width, channels, x_map, beside)
-                sum_row(out, (first + y) * numbers, numbers, sums, y * length, x_offsets, x_weights, columns, spare)
-                if not all_finite(out, (first + y) * numbers, numbers, all_offsets, zeros, spare):
-                    odd[0] = 1
-        start = jit.take(queue) * chunk
-
-
-@jit.part
-def _sum_edge(out, at, first, last, channels, source, numbers, y_map, y, x_map, i, j, weights, value):
-    """The pixels first .. last - 1 of the row at `at`, tap by tap through the maps."""
-    for x in range(first, last):
-        for channel in range(channels):
-            total = np.float64(0.0)
-            for t in range(len(weights)):
-                column = x_map[x + j[t]]
-                sample = value if column < 0 else source[y_map[y + i[t]] * numbers + column * channels + channel]
-                total += np.float64(weights[t]) * np.float64(sample)
-            out[at + x * channels + channel] = total
-
-
-@jit.part
-def _load_lines(lines, source, y_map, first, count, length, numbers, before, width, channels, x_map, value):
-    """Copy the rows y_map[first : first + count], extended on both sides."""
-    for y in range(count):
-        at, place = y * length + before * channels, y_map[first + y]
-        if place < 0:
-            for n in range(numbers):
-                lines[at + n] = value
-        else:
-            for n in range(numbers):
-                lines[at + n] = source[place * numbers + n]
-        _extend_row(lines, y * length, before, width, channels, x_map, value)
-
-
-@jit.parallel_kernel
-def _direct(queue, workers, source, out, height, width, channels, y_map, y_taps, x_map, before, value, rows, columns, length, i, j, offsets, weights,
-            scratch, all_offsets, zeros, odd):  # fmt: skip
-    own = scratch[jit.take(workers)]
-    all_offsets, zeros, odd = jit.borrow(all_offsets), jit.borrow(zeros), jit.borrow(odd)
-    lines, spare = jit.borrow(own[: len(own) - columns]), jit.borrow(own[len(own) - columns :])
-    places_owner = np.empty(len(weights), np.int64)
-    places = jit.borrow(places_owner)
-    source, out, y_map, x_map = jit.borrow(source), jit.borrow(out), jit.borrow(y_map), jit.borrow(x_map)
-    i, j, offsets, weights = jit.borrow(i), jit.borrow(j), jit.borrow(offsets), jit.borrow(weights)
-    numbers, inside = width * channels, width - len(x_map) + width
-    first = jit.take(queue) * rows
-    while first < height:
-        here = min(rows, height - first)
-        if inside * channels >= columns and y_map[first] >= 0 and y_map[first + here + y_taps - 2] >= 0:
-            for y in range(first, first + here):
-                at = y * numbers
-                for t in range(len(weights)):
-                    places[t] = y_map[y + i[t]] * numbers + j[t] * channels
-                _sum_edge(out, at, 0, before, channels, source, numbers, y_map, y, x_map, i, j, weights, value)
-                sum_row(out, at + before * channels, inside * channels, source, 0, places, weights, columns, spare)
-                _sum_edge(out, at, before + inside, width, channels, source, numbers, y_map, y, x_map, i, j, weights, value)
-        else:
-            _load_lines(lines, source, y_map, first, here + y_taps - 1, length, numbers, before, width, channels, x_map, value)
-            for y in range(here):
-                sum_row(out, (first + y) * numbers, numbers, lines, y * length, offsets, weights, columns, spare)
-        for y in range(first, first + here):
-            if not all_finite(out, y * numbers, numbers, all_offsets, zeros, spare):
-                odd[0] = 1
-        first = jit.take(queue) * rows
-    places_owner[0] = 0  # it must live until here: borrowing does not keep it
+                sum_row(sums, to, wide, source, x, places[start : start + len(weights)], weights, columns, spare)
+                y += 1
 
 
 def worker_scratch(threads: int, numbers: int, dtype: object) -> tuple[Array, Array]:
@@ -212,55 +119,3 @@ def worker_scratch(threads: int, numbers: int, dtype: object) -> tuple[Array, Ar
     scratch = aligned((threads, -(-numbers // lane) * lane), dtype)
     scratch[:] = 0  # the last block of a row takes in what lies behind it, and what it makes of that is not kept
     return np.zeros(1, np.int64), scratch
-
-
-def separable(image: Array, out: Array, y_map: Array, y_weights: Array, x_map: Array, before: int, x_weights: Array, value: float,
-              threads: int) -> bool:  # fmt: skip
-    """Weigh columns by `y_weights` and rows by `x_weights`: out[y, x] = sum of y_weights[i] x_weights[j] extended[y + i, x + j].
-
-    Args:
-        image, out: (h, w, c), of one dtype, float32 or float64.
-        y_map, x_map: From `border_map`: h + len(y_weights) - 1 and w + len(x_weights) - 1 places.
-        before: How many of the places of `x_map` lie left of the picture.
-        value: What stands where the maps say -1.
-        threads: At most so many.
-
-    Returns:
-        Whether all that came out is finite.
-    """
-    height, width, channels = image.shape
-    dtype, columns = image.dtype, block(image.dtype)
-    length = -(-(len(x_map) * channels + 2 * columns) // columns) * columns
-    short = len(y_weights) <= _SHORT
-    rows = int(np.clip((_SCRATCH >> 2 * short) // (length * dtype.itemsize), 8, 64))
-    rows = max(1, min(rows, -(-height // threads)))
-    chunk = rows * max(1, height // (rows * threads * _CHUNKS))  # neighbouring bands share rows: they go to one thread
-    threads = max(1, min(threads, -(-height // chunk)))
-    workers, scratch = worker_scratch(threads, rows * length + (rows + len(y_weights)) * _STRIP * columns + columns, dtype)
-    odd = np.zeros(1, np.int64)
-    beside = value * float(y_weights.sum())
-    y_offsets, x_offsets = columns * np.arange(len(y_weights)), channels * np.arange(len(x_weights))
-    jit.run(_separable, threads, workers, image.reshape(-1), out.reshape(-1), height, width, channels, y_map, y_weights, x_map, before, x_weights,
-            dtype.type(value), dtype.type(beside), chunk, rows, columns, length, short, y_map * (width * channels), y_offsets, x_offsets, scratch,
-            *whole_blocks(width * channels, dtype), odd)  # fmt: skip
-    return not odd[0]
-
-
-def direct(image: Array, out: Array, y_map: Array, x_map: Array, before: int, weights: Array, value: float, threads: int) -> bool:
-    """Weigh pixels: out[y, x] = sum of weights[i, j] extended[y + i, x + j]. Arguments as of `separable`; `weights` is (kh, kw)."""
-    height, width, channels = image.shape
-    dtype, columns = image.dtype, block(image.dtype)
-    taps = len(weights)
-    length = -(-(len(x_map) * channels + 2 * columns) // columns) * columns
-    rows = int(np.clip(_SCRATCH // (length * dtype.itemsize) - taps + 1, 8, 64))
-    rows = max(1, min(rows, -(-height // threads)))
-    threads = max(1, min(threads, -(-height // rows)))
-    odd = np.zeros(1, np.int64)
-    i, j = np.nonzero(weights)
-    if not len(i):
-        i, j = np.zeros(1, np.int64), np.zeros(1, np.int64)
-    workers, scratch = worker_scratch(threads, (rows + taps - 1) * length + 2 * columns, dtype)
-    jit.run(_direct, threads, workers, image.reshape(-1), out.reshape(-1), height, width, channels, y_map, taps, x_map, before, dtype.type(value),
-            rows, columns, length, i, j, i * length + j * channels, np.ascontiguousarray(weights[i, j]), scratch,
-            *whole_blocks(width * channels, dtype), odd)  # fmt: skip
-    return not odd[0]

@@ -18,6 +18,8 @@ LINE = 64
 """Bytes in a vector."""
 SUMS = 4
 """Vectors of sums that `weighted_sums` makes at once: 64 float32 or 32 float64."""
+ROWS = 3
+"""Rows of sums that `weighted_rows` makes at once: loading is what `weighted_sums` waits for, and neighbouring rows are made of the same numbers."""
 SQUARE = 8
 """Side of the squares that `transpose_pair` turns over."""
 
@@ -30,6 +32,11 @@ if jit.DISABLED:
         for offset, weight in zip(offsets, weights):
             total += weight * x[start + offset : start + offset + count]
         out[at : at + count] = total
+
+    def weighted_rows(out, at, apart, x, start, offsets, weights):
+        """`weighted_sums` for each r below ROWS, at out[at + r * apart + i] with weights[k * ROWS + r]."""
+        for row in range(ROWS):
+            weighted_sums(out, at + row * apart, x, start, offsets, weights[row::ROWS])
 
     def _vectors(re, im, at, step, count):
         lanes = LINE // re.itemsize
@@ -154,35 +161,52 @@ else:
     def _long(value):
         return ir.Constant(_LONG, value)
 
-    @intrinsic
-    def weighted_sums(typingctx, out, at, x, start, offsets, weights):
-        """out[at + i] = sum over k of weights[k] * x[start + offsets[k] + i], for the `SUMS` vectors of i; at least one weight."""
+    def _weighted(rows):
+        """Code for `weighted_sums` of `rows` rows at once: what is loaded serves all of them."""
 
         def codegen(context, builder, signature, arguments):
-            vectors = _Vectors(builder, _element(signature, context, 2))
-            pointers = {i: array_data(context, builder, signature, arguments, i) for i in (0, 2, 4, 5)}
-            count = context.make_array(signature.args[5])(context, builder, arguments[5]).nitems
-            x_start = builder.gep(pointers[2], [arguments[3]])
+            out, at, *apart, x, start, offsets, weights = range(len(arguments))
+            vectors = _Vectors(builder, _element(signature, context, x))
+            pointers = {i: array_data(context, builder, signature, arguments, i) for i in (out, x, offsets, weights)}
+            count = context.make_array(signature.args[offsets])(context, builder, arguments[offsets]).nitems
+            x_start, zeros = builder.gep(pointers[x], [arguments[start]]), ir.Constant(vectors.type, [0.0] * vectors.lanes)
             entry, loop = builder.block, builder.append_basic_block("taps")
             done = builder.append_basic_block("taps_done")
             builder.branch(loop)
             builder.position_at_end(loop)
-            k, sums = builder.phi(_LONG), [builder.phi(vectors.type) for _ in range(SUMS)]
-            weight = vectors.splat(builder.load(builder.gep(pointers[5], [k])))
-            line = builder.gep(x_start, [builder.load(builder.gep(pointers[4], [k]))])
-            grown = [vectors.fma(weight, vectors.load(line, _long(i * vectors.lanes)), total) for i, total in enumerate(sums)]
+            k, sums = builder.phi(_LONG), [[builder.phi(vectors.type) for _ in range(SUMS)] for _ in range(rows)]
+            places = [builder.add(builder.mul(k, _long(rows)), _long(row)) for row in range(rows)]
+            factors = [vectors.splat(builder.load(builder.gep(pointers[weights], [place]))) for place in places]
+            line = builder.gep(x_start, [builder.load(builder.gep(pointers[offsets], [k]))])
+            loaded = [vectors.load(line, _long(i * vectors.lanes)) for i in range(SUMS)]
+            grown = [[vectors.fma(factor, value, total) for value, total in zip(loaded, row)] for factor, row in zip(factors, sums)]
             following = builder.add(k, _long(1))
-            for phi, first, later in zip([k, *sums], [_long(0), *[ir.Constant(vectors.type, [0.0] * vectors.lanes)] * SUMS], [following, *grown]):
-                phi.add_incoming(first, entry)
-                phi.add_incoming(later, loop)
+            k.add_incoming(_long(0), entry)
+            k.add_incoming(following, loop)
+            for row, later in zip(sums, grown):
+                for phi, total in zip(row, later):
+                    phi.add_incoming(zeros, entry)
+                    phi.add_incoming(total, loop)
             builder.cbranch(builder.icmp_signed("<", following, count), loop, done)
             builder.position_at_end(done)
-            place = builder.gep(pointers[0], [arguments[1]])
-            for i, total in enumerate(grown):
-                vectors.store(total, place, _long(i * vectors.lanes))
+            place = arguments[at]
+            for totals in grown:
+                for i, total in enumerate(totals):
+                    vectors.store(total, pointers[out], builder.add(place, _long(i * vectors.lanes)))
+                place = builder.add(place, arguments[apart[0]]) if apart else place
             return context.get_dummy_value()
 
-        return types.void(out, types.int64, x, types.int64, offsets, weights), codegen
+        return codegen
+
+    @intrinsic
+    def weighted_sums(typingctx, out, at, x, start, offsets, weights):
+        """out[at + i] = sum over k of weights[k] * x[start + offsets[k] + i], for the `SUMS` vectors of i; at least one weight."""
+        return types.void(out, types.int64, x, types.int64, offsets, weights), _weighted(1)
+
+    @intrinsic
+    def weighted_rows(typingctx, out, at, apart, x, start, offsets, weights):
+        """`weighted_sums` for each r below ROWS, at out[at + r * apart + i] with weights[k * ROWS + r]."""
+        return types.void(out, types.int64, types.int64, x, types.int64, offsets, weights), _weighted(ROWS)
 
     def _butterfly(radix, inverse):
         """An intrinsic that loads `radix` vectors of complex numbers, `step` apart, and stores their butterfly in place."""
