@@ -1,7 +1,7 @@
 """Floating-point formats as a small circuit computes them: words of bits in, words of bits out, integer arithmetic only, vectorised.
 
 A word is a sign bit, a biased exponent E and a fraction F; its value is (-1)^S * 2^(E - bias) * 1.F. What the paper leaves open is decided in
-docs/decisions/0012-hardware-floats.md:
+docs/decisions/0012-hardware-numbers.md:
 
 - Every operation rounds once, to nearest, ties to even.
 - E = 0 is zero, whatever the other bits; zeros that are made have all bits zero. There are no subnormals: what rounds (with no bound to the

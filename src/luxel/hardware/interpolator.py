@@ -2,7 +2,7 @@
 
 After the hardware paper (2016): beta = l_ca(P) / 2A and gamma = l_ab(P) / 2A, alpha = 1 - beta - gamma, and C = alpha Ca + beta Cb + gamma Cc for
 three channels, with one reciprocal a triangle, in floats of 24 bits. Corners a, b, c are those of the triangle in their order, l_ca and
-l_ab the edge functions 1 and 2 of `luxel.hardware.scan`. What differs from the paper (docs/decisions/0013-hardware-interpolator.md):
+l_ab the edge functions 1 and 2 of `luxel.hardware.scan`. What differs from the paper (docs/decisions/0012-hardware-numbers.md):
 
 - The area is summed exactly, in integers, and rounded once, to float32. Its sign decides about coverage, so it has to be exact anyway; and
   rounded products of float32 leave nothing of the area of a sliver (`area_in_float32` is the paper's way).
