@@ -106,26 +106,25 @@ class Cut(NamedTuple):
     back: Array
 
 
-def occluders_of(geometry: Geometry, chart: Array, two_sided: Array, masks: Masks | None = None) -> Occluders:
+def occluders_of(geometry: Geometry, two_sided: Array, masks: Masks | None = None) -> Occluders:
     """What hides: all triangles but those that are blended.
 
     Args:
-        chart: (m,) int32 of each triangle.
-        two_sided: (m,) bool.
+        two_sided: (m,) bool, of each triangle.
         masks: Of `scene_masks`.
     """
     positions = geometry.positions.astype(np.float64)
-    a, b, c = (positions[geometry.triangles[:, k]] for k in range(3))
-    normal = np.cross(b - a, c - a)
-    planes = np.concatenate([normal.T, (normal * a).sum(1)[None]])
-    planes[:, two_sided] = 0
     mode = np.repeat(geometry.parts.alpha_mode, np.diff(geometry.part_start))
     finite = np.isfinite(positions)[geometry.triangles].all((1, 2))
-    whole = finite & (mode == OPAQUE)
+    whole = geometry.triangles[finite & (mode == OPAQUE)]
+    a, b, c = (positions[whole[:, k]] for k in range(3))
+    normal = np.cross(b - a, c - a)
+    with np.errstate(all="ignore"):
+        normal = np.nan_to_num(normal / np.linalg.norm(normal, axis=1)[:, None])
+    planes = np.concatenate([normal, (normal * a).sum(1)[:, None]], 1).astype(np.float32)
     holed = np.where((finite & (mode == MASK))[:, None], geometry.triangles, 0)  # a triangle of one corner thrice hides nothing
     return Occluders(
-        np.ascontiguousarray(np.nan_to_num(geometry.positions).T), np.ascontiguousarray(geometry.triangles[whole]),
-        np.ascontiguousarray(chart[whole].astype(np.int32)), np.ascontiguousarray(planes[:, whole].astype(np.float32)),
+        np.ascontiguousarray(np.nan_to_num(geometry.positions).T), np.ascontiguousarray(whole), planes, two_sided[finite & (mode == OPAQUE)],
         prepare(geometry.positions, holed, masks),
     )  # fmt: skip
 
@@ -146,13 +145,13 @@ def cut(atlas: Atlas, geometry: Geometry, luxels: Luxels, valid: Array, two_side
     numbers = np.concatenate([numbers[:, fronts], _turned(numbers[:, backs])], 1)
     extent = (quality.patch * np.sqrt(numbers[AREA] / np.maximum(luxels.coverage[luxel], 0.05))).astype(np.float32)
     tree = build_tree(np.ascontiguousarray(numbers[PX : PZ + 1].T), np.ascontiguousarray(numbers[GX : GZ + 1].T), numbers[AREA], extent)
-    elements = Elements(_in_tree_order(tree, numbers), luxels.chart[luxel][tree.order].astype(np.int32))
+    elements = Elements(_in_tree_order(tree, numbers))
     patches = source_of(tree, elements.numbers, quality.resolution)
     albedo = np.ascontiguousarray(luxels.albedo[luxel][tree.order].T)
     lights, exitance = _lights(numbers, luxels.emission[luxel], quality)
     span = geometry.positions[np.isfinite(geometry.positions).all(1)]
     near = _NEAR * float(np.linalg.norm(np.ptp(span, axis=0)))
-    problem = Problem(elements, albedo, patches, lights, exitance, occluders_of(geometry, atlas.chart, two_sided, masks), near)
+    problem = Problem(elements, albedo, patches, lights, exitance, occluders_of(geometry, two_sided, masks), near)
     return Cut(problem, luxel[tree.order], tree.order >= len(fronts))
 
 

@@ -27,7 +27,7 @@ class Tree(NamedTuple):
         order: (n,) int32: element i of the tree is row order[i] of what it was built from.
         span: (nodes, 2) int32: first element of a node, and the one after its last.
         child: (nodes,) int32: the first of its two children, which are neighbours; -1 for a single element.
-        place: (nodes, 8) float32: centre x y z, radius about it, unit normal x y z, area.
+        place: (nodes, 9) float32: centre x y z, radius about it, unit normal x y z, area, mean square distance from the centre along an axis.
         patches: (p,) int32: the nodes that shoot, in the order of their elements, of which each is in exactly one.
         patch_of: (n,) int32: which entry of `patches` an element is in.
     """
@@ -58,13 +58,17 @@ def _measure(first, last, order, position, normal, area, place):
     else:
         e = order[first]
         nx, ny, nz = np.float64(normal[e, 0]), np.float64(normal[e, 1]), np.float64(normal[e, 2])
-    radius = 0.0
+    radius = spread = 0.0
     for i in range(first, last):
         e = order[i]
+        a = np.float64(area[e])
         dx, dy, dz = position[e, 0] - cx, position[e, 1] - cy, position[e, 2] - cz
-        radius = max(radius, np.sqrt(dx * dx + dy * dy + dz * dz) + np.sqrt(np.float64(area[e]) * 0.5))
+        square = dx * dx + dy * dy + dz * dz
+        radius = max(radius, np.sqrt(square) + np.sqrt(a * 0.5))
+        spread += a * (square * 0.5 + a / 12.0)  # an element is taken for a square
     place[0], place[1], place[2], place[3] = cx, cy, cz, radius
     place[4], place[5], place[6], place[7] = nx, ny, nz, total
+    place[8] = spread * scale
 
 
 @jit.part
@@ -150,7 +154,7 @@ def build_tree(position: Array, normal: Array, area: Array, extent: Array, bend:
     """
     n = len(position)
     order, span, child = np.arange(n, dtype=np.int32), np.empty((2 * n, 2), np.int32), np.empty(2 * n, np.int32)
-    place, is_patch = np.empty((2 * n, 8), np.float32), np.zeros(2 * n, np.uint8)
+    place, is_patch = np.empty((2 * n, 9), np.float32), np.zeros(2 * n, np.uint8)
     nodes = _build(position, normal, area, extent, np.float32(bend), order, span, child, place, is_patch)
     patches = np.flatnonzero(is_patch[:nodes]).astype(np.int32)
     patches = patches[np.argsort(span[patches, 0], kind="stable")]

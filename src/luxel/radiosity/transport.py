@@ -4,9 +4,9 @@ For shooter s and element j the row holds K_j = F V: the form factor from the el
 the shooter's hemicube. B_s K_j is the irradiance that j receives. Rows are stored as the upper half of a float32, rounded, which is enough
 (0.2 %, without bias) and halves the memory to stream; where they are used, the shooter's own scale puts their sum right.
 
-Visibility is taken where the element's tangent plane meets the four pixels about it: a pixel sees the element if what is drawn there is not
-in front of that plane, or of the element itself, or is a near piece of the same surface. So a flat surface never shadows itself, whatever
-the resolution, without a bias to tune, and the four are blended to a fraction.
+Visibility is blended from the four pixels about the element. What is drawn in a pixel hides the element only if it is in front of the element's
+tangent plane there, in front of the element itself, and if its own plane parts the element from the shooter: so neither a flat surface nor one
+bent inwards shadows itself, nor do walls darken the corners between them, whatever the resolution, and there is no bias to tune.
 
 Form factors near a shooter are summed over the nodes of its tree, down to single elements, which up close are parallelograms under Lambert's
 formula; see `transfer`.
@@ -34,7 +34,7 @@ PX, PY, PZ, NX, NY, NZ, GX, GY, GZ, AREA, UX, UY, UZ, VX, VY, VZ = range(16)
 
 _F, _I = np.float32, np.int32
 _PI = _F(np.pi)
-_FAR = _F(16.0)  # squared distance over squared radius beyond which a node is a disc
+_FAR = _F(16.0)  # squared distance over squared radius beyond which a node is taken as a whole
 _FLAT = _F(9.0)  # squared distance over area within which an element is a parallelogram
 _BIAS = _F(1.0 - 1e-3)  # of a distance: rounding, and pixels' corners snapped
 _DEEPEST = 64
@@ -45,11 +45,9 @@ class Elements(NamedTuple):
 
     Attributes:
         numbers: (16, n) float32: position, normal (shading), normal of the surface, area, and the element's sides u and v as vectors, metres.
-        surface: (n,) int32: which surface (chart) an element is of.
     """
 
     numbers: Array
-    surface: Array
 
 
 class Occluders(NamedTuple):
@@ -58,15 +56,15 @@ class Occluders(NamedTuple):
     Attributes:
         positions: (3, v) float32.
         triangles: (m, 3) int32.
-        surface: (m,) int32: which surface (chart) a triangle is of; -1 for none.
-        planes: (4, m) float32: normal n and offset d of each triangle, in front where n.x > d; zeros for two-sided ones.
+        planes: (m, 4) float32: unit normal n and offset d of each triangle, in front where n.x > d.
+        two_sided: (m,) bool.
         masked: Alpha-masked triangles, which are not drawn but asked ray by ray, as their holes are finer than a hemicube's pixels.
     """
 
     positions: Array
     triangles: Array
-    surface: Array
     planes: Array
+    two_sided: Array
     masked: Occlusion
 
 
@@ -90,12 +88,27 @@ def decoded(half):
     return bits_float(_I(np.uint32(half) << np.uint32(16)))
 
 
+@jit.inlined
+def spread_factor(cos_r, cos_s, cos_n, r2, area, spread):
+    """Form factor from a point to a flat surface of mean square extent `spread` along its axes, right to the second order of extent over distance.
+
+    cos_r and cos_s are times r. The integrand f = cos_r cos_s / r^2 has in the surface's plane the Laplacian (8 - 24 cos_s^2 - 8 cos_n cos_s /
+    cos_r) f / r^2, of which half times `spread` is the difference of its mean from its value at the centre; straight ahead that is -4 spread / r^2,
+    as of a disc.
+    """
+    base = cos_r * cos_s
+    bend = _F(4.0) * spread / r2 * (base - cos_s * cos_s * (_F(3.0) * base / r2 + cos_n))
+    mean = base + bend if bend > _F(0.0) else base * base / (base - bend)
+    return mean * area / (_PI * r2 * r2)
+
+
 @jit.part
 def _element_factor(j, x, y, z, nx, ny, nz, r2, cos_r, cos_s, corners, source):
     """Form factor from a point to element `j`; cosines times r."""
     area = source[AREA, j]
     if r2 > _FLAT * area:
-        return cos_r * cos_s * area / (r2 * (_PI * r2 + area))
+        cos_n = nx * source[NX, j] + ny * source[NY, j] + nz * source[NZ, j]
+        return spread_factor(cos_r, cos_s, cos_n, r2, area, area * _F(1 / 12))
     for k in range(4):
         a = _F(0.5) if k == 1 or k == 2 else _F(-0.5)
         b = _F(0.5) if k >= 2 else _F(-0.5)
@@ -126,25 +139,32 @@ def node_factor(root, x, y, z, nx, ny, nz, span, child, place, source, stack, co
             if cos_s > _F(0.0) and (cos_r > _F(0.0) or r2 < _FLAT * area):
                 total += _element_factor(j, x, y, z, nx, ny, nz, r2, cos_r, cos_s, corners, source)
         elif cos_r > _F(0.0) and cos_s > _F(0.0):
-            total += cos_r * cos_s * area / (r2 * (_PI * r2 + area))
+            cos_n = nx * place[node, 4] + ny * place[node, 5] + nz * place[node, 6]
+            total += spread_factor(cos_r, cos_s, cos_n, r2, area, place[node, 8])
     return total
 
 
 @jit.inlined
-def _pixel_sees(at, u, v, nr, nu, na, plane, axis, same, near, depth, ids, surface, tolerance):
-    """Whether a pixel of a hemicube sees the element (1) or something in front of it (0)."""
+def _parted(plane, x, y, z, cx, cy, cz, margin):
+    """Whether a triangle's plane has the point and the shooter on either side, the point by more than `margin`."""
+    point = plane[0] * x + plane[1] * y + plane[2] * z - plane[3]
+    shooter = plane[0] * cx + plane[1] * cy + plane[2] * cz - plane[3]
+    return (point < -margin and shooter > _F(0.0)) or (point > margin and shooter < _F(0.0))
+
+
+@jit.part
+def _pixel_sees(at, u, v, nr, nu, na, plane, axis, x, y, z, center, near, depth, ids, planes):
+    """Whether a pixel of a hemicube sees the element (1) or something that hides it (0)."""
     d = depth[at]
     facing = -(nr * u + nu * v + na)
     if d * plane * _BIAS <= near * facing or d * axis * _BIAS <= near:
         return _F(1.0)
-    if d * axis * tolerance <= near and surface[ids[at]] == same:
-        return _F(1.0)
-    return _F(0.0)
+    return _F(0.0) if _parted(planes[ids[at]], x, y, z, center[0], center[1], center[2], near) else _F(1.0)
 
 
 @jit.part
-def seen_fraction(lx, ly, lz, nr, nu, na, same, resolution, first, near, depth, ids, surface):
-    """How much of an element is seen, 0..1, from its position l and its surface's normal in the shooter's frame."""
+def seen_fraction(lx, ly, lz, nr, nu, na, x, y, z, center, resolution, first, near, depth, ids, planes):
+    """How much of an element at (x, y, z) is seen, 0..1; l is its place and (nr, nu, na) its surface's normal in the shooter's frame."""
     ax, ay = abs(lx), abs(ly)
     plane = -(nr * lx + nu * ly + na * lz)
     if lz >= ax and lz >= ay:
@@ -156,8 +176,7 @@ def seen_fraction(lx, ly, lz, nr, nu, na, same, resolution, first, near, depth, 
     else:
         face, right, up, axis = (3 if ly > _F(0.0) else 4), lx, lz, ay
         fr, fu, fa = nr, na, (nu if ly > _F(0.0) else -nu)
-    size = _F(resolution)
-    scale = size * _F(0.5)
+    scale = _F(resolution) * _F(0.5)
     tall = resolution if face == 0 else resolution // 2
     px, py = right / axis * scale + scale - _F(0.5), scale - _F(0.5) - up / axis * scale
     ix, iy = min(max(_I(np.floor(px)), 0), resolution - 2), min(max(_I(np.floor(py)), 0), tall - 2)
@@ -165,13 +184,12 @@ def seen_fraction(lx, ly, lz, nr, nu, na, same, resolution, first, near, depth, 
     at = first + np.uint64((face * resolution + iy) * resolution + ix)
     step = _F(1.0) / scale
     u, v = (_F(ix) + _F(0.5)) * step - _F(1.0), _F(1.0) - (_F(iy) + _F(0.5)) * step
-    tolerance = _F(1.0) - _F(4.0) / size
     below = at + np.uint64(resolution)
     one = np.uint64(1)
-    s00 = _pixel_sees(at, u, v, fr, fu, fa, plane, axis, same, near, depth, ids, surface, tolerance)
-    s10 = _pixel_sees(at + one, u + step, v, fr, fu, fa, plane, axis, same, near, depth, ids, surface, tolerance)
-    s01 = _pixel_sees(below, u, v - step, fr, fu, fa, plane, axis, same, near, depth, ids, surface, tolerance)
-    s11 = _pixel_sees(below + one, u + step, v - step, fr, fu, fa, plane, axis, same, near, depth, ids, surface, tolerance)
+    s00 = _pixel_sees(at, u, v, fr, fu, fa, plane, axis, x, y, z, center, near, depth, ids, planes)
+    s10 = _pixel_sees(at + one, u + step, v, fr, fu, fa, plane, axis, x, y, z, center, near, depth, ids, planes)
+    s01 = _pixel_sees(below, u, v - step, fr, fu, fa, plane, axis, x, y, z, center, near, depth, ids, planes)
+    s11 = _pixel_sees(below + one, u + step, v - step, fr, fu, fa, plane, axis, x, y, z, center, near, depth, ids, planes)
     return (s00 * (_F(1.0) - wx) + s10 * wx) * (_F(1.0) - wy) + (s01 * (_F(1.0) - wx) + s11 * wx) * wy
 
 
@@ -206,14 +224,15 @@ def _find(first, count, numbers, center, frame, place, c, listed):
 
 
 @jit.parallel_kernel
-def _fill_rows(queue, numbers, surface, span, child, place, source, nodes, centers, frames, start, resolutions, depth, ids, near,
-               surfaces, masked, slots, rows, sums):  # fmt: skip
+def _fill_rows(queue, numbers, span, child, place, source, nodes, centers, frames, start, resolutions, depth, ids, near,
+               planes, masked, slots, rows, sums):  # fmt: skip
     n = numbers.shape[1]
     blocks = (n + BLOCK - 1) // BLOCK
-    own_c, own_list, own_stack, own_corners = np.empty((6, BLOCK), np.float32), np.empty(BLOCK + 1, np.uint64), np.empty(_DEEPEST, np.int32), np.empty((4, 3))
+    own_c, own_list = np.empty((6, BLOCK), np.float32), np.empty(BLOCK + 1, np.uint64)
+    own_stack, own_corners = np.empty(_DEEPEST, np.int32), np.empty((4, 3))
     c, listed, stack, corners = jit.borrow(own_c), jit.borrow(own_list), jit.borrow(own_stack), jit.borrow(own_corners)
-    numbers, surface, span, child, place = jit.borrow(numbers), jit.borrow(surface), jit.borrow(span), jit.borrow(child), jit.borrow(place)
-    source, depth, ids, surfaces, rows = jit.borrow(source), jit.borrow(depth), jit.borrow(ids), jit.borrow(surfaces), jit.borrow(rows)
+    numbers, span, child, place = jit.borrow(numbers), jit.borrow(span), jit.borrow(child), jit.borrow(place)
+    source, depth, ids, planes, rows = jit.borrow(source), jit.borrow(depth), jit.borrow(ids), jit.borrow(planes), jit.borrow(rows)
     centers, frames, masked = jit.borrow(centers), jit.borrow(frames), jit.borrow(masked)
     any_masked = len(masked.link) > 0
     block = jit.take(queue)
@@ -236,8 +255,9 @@ def _fill_rows(queue, numbers, surface, span, child, place, source, nodes, cente
                     turn[2, 0] * gx + turn[2, 1] * gy + turn[2, 2] * gz,
                 )  # fmt: skip
                 v = seen_fraction(
-                    c[_LX, i], c[_LY, i], c[_LZ, i], nr, nu, na, surface[j], resolutions[s], np.uint64(start[s]), near, depth, ids, surfaces
-                )
+                    c[_LX, i], c[_LY, i], c[_LZ, i], nr, nu, na, numbers[PX, j], numbers[PY, j], numbers[PZ, j], centers[s], resolutions[s],
+                    np.uint64(start[s]), near, depth, ids, planes,
+                )  # fmt: skip
                 if v > _F(0.0) and any_masked and occluded(
                     masked, centers[s, 0], centers[s, 1], centers[s, 2], np.float64(numbers[PX, j]), np.float64(numbers[PY, j]),
                     np.float64(numbers[PZ, j]), -1, -1
@@ -251,7 +271,8 @@ def _fill_rows(queue, numbers, surface, span, child, place, source, nodes, cente
                             span, child, place, source, stack, corners,
                         )  # fmt: skip
                     else:
-                        f = c[_COS_R, i] * c[_COS_S, i] * area / (r2 * (_PI * r2 + area))
+                        cos_n = numbers[NX, j] * place[node, 4] + numbers[NY, j] * place[node, 5] + numbers[NZ, j] * place[node, 6]
+                        f = spread_factor(c[_COS_R, i], c[_COS_S, i], cos_n, r2, area, place[node, 8])
                     half = np.uint16((np.uint32(float_bits(f * v)) + np.uint32(0x8000)) >> np.uint32(16))
                     row[j] = half
                     total += np.float64(decoded(half)) * np.float64(numbers[AREA, j])
@@ -261,7 +282,7 @@ def _fill_rows(queue, numbers, surface, span, child, place, source, nodes, cente
 
 
 @jit.parallel_kernel
-def _escape(queue, centers, start, resolutions, depth, ids, planes, deltas, first_delta, escaped):
+def _escape(queue, centers, start, resolutions, ids, planes, two_sided, deltas, first_delta, escaped):
     """The share of a shooter's light that meets nothing, and the share that meets the back of something one-sided."""
     s = jit.take(queue)
     while s < len(centers):
@@ -273,7 +294,7 @@ def _escape(queue, centers, start, resolutions, depth, ids, planes, deltas, firs
             share = deltas[first_delta[s] + i]
             if t < 0:
                 out += share
-            elif planes[0, t] * x + planes[1, t] * y + planes[2, t] * z < planes[3, t]:
+            elif not two_sided[t] and planes[t, 0] * x + planes[t, 1] * y + planes[t, 2] * z < planes[t, 3]:
                 back += share
         escaped[s, 0], escaped[s, 1] = out, back
         s = jit.take(queue)
@@ -317,15 +338,16 @@ def fill_rows(elements: Elements, tree: Tree, source: Array, shooters: Shooters,
     count, n = len(shooters.node), elements.numbers.shape[1]
     sums = np.empty((count, -(-n // BLOCK)))
     jit.run(
-        _fill_rows, threads, elements.numbers, elements.surface, tree.span, tree.child, tree.place, source, shooters.node, shooters.centers,
-        shooters.frames, seen.start, seen.resolution, seen.depth, seen.ids, np.float32(seen.near), occluders.surface, occluders.masked, slots, rows, sums,
+        _fill_rows, threads, elements.numbers, tree.span, tree.child, tree.place, source, shooters.node, shooters.centers, shooters.frames,
+        seen.start, seen.resolution, seen.depth, seen.ids, np.float32(seen.near), occluders.planes, occluders.masked, slots, rows, sums,
     )  # fmt: skip
     sizes = sorted(set(seen.resolution.tolist()))
     deltas = [delta_form_factors(size).ravel() for size in sizes]
     begin = dict(zip(sizes, np.cumsum([0] + [len(d) for d in deltas]).tolist(), strict=False))
     escaped = np.empty((count, 2))
     jit.run(
-        _escape, threads, shooters.centers, seen.start, seen.resolution, seen.depth, seen.ids, occluders.planes, np.concatenate(deltas),
+        _escape, threads, shooters.centers, seen.start, seen.resolution, seen.ids, occluders.planes, occluders.two_sided,
+        np.concatenate(deltas),
         np.array([begin[size] for size in seen.resolution.tolist()], np.int64), escaped,
     )  # fmt: skip
     return sums.sum(1), escaped
