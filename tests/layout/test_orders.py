@@ -187,6 +187,13 @@ def test_adjacency_lists_the_triangles_of_a_vertex():
     assert [rows[start[v] : start[v + 1]].tolist() for v in range(5)] == [[0, 2], [0, 1], [0, 1], [1, 2, 2], []]
 
 
+def test_adjacency_by_threads_is_the_same():
+    mesh = made.shuffled(made.grid(350, 300))
+    assert len(mesh) > 200_000
+    for one, two in zip(adjacency(mesh, 351 * 301), adjacency(mesh, 351 * 301, threads=2), strict=True):
+        assert (one == two).all()
+
+
 def test_seconds_widen_the_search():
     mesh = made.shuffled(made.grid(40, 40))
     order(mesh)

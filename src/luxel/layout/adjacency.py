@@ -8,6 +8,7 @@ import numpy as np
 
 from luxel import jit
 from luxel.arrays import Array
+from luxel.layout.fans import U
 
 
 class Adjacency(NamedTuple):
@@ -22,32 +23,54 @@ class Adjacency(NamedTuple):
     triangles: Array
 
 
+@jit.parallel_kernel
+def _count(queue, corners, size, counts):
+    """How often each piece of `size` corners names each vertex: `counts` (p, n) hold 0. All is unsigned (see `luxel.layout.fans`)."""
+    piece = jit.take(queue)
+    while piece < len(counts):
+        mine = counts[piece]
+        for i in range(U(piece * size), U(min(len(corners), (piece + 1) * size))):
+            mine[corners[i]] += np.uint32(1)
+        piece = jit.take(queue)
+
+
 @jit.kernel
-def _rows(faces, start, rows):
-    """Fill both arrays; `start` (n + 1,) holds 0. All are uint32: signed indices would be asked whether they count from the end."""
-    n, m = len(start) - 1, len(faces)
-    for t in range(m):
-        for corner in range(3):
-            start[faces[t, corner]] += 1
-    end = 0
-    for v in range(n):
-        end += start[v]
+def _ends(counts, start):
+    """Fill `start` (n + 1,), and make of the counts where each piece's share of a vertex's rows ends."""
+    end = np.uint32(0)
+    for v in range(U(counts.shape[1])):
         start[v] = end
-    start[n] = end
-    for back in range(m):
-        t = np.uint64(m - 1 - back)
-        for corner in range(3):
-            v = faces[t, corner]
-            place = np.uint32(start[v] - 1)
-            start[v] = place
-            rows[place] = t
+        for piece in range(U(len(counts))):
+            end = np.uint32(end + counts[piece, v])
+            counts[piece, v] = end
+    start[U(counts.shape[1])] = end
 
 
-def adjacency(faces: Array, vertex_count: int) -> Adjacency:
-    """The triangles around each vertex of `faces`, (m, 3) int32 below `vertex_count`."""
-    start, rows = np.zeros(vertex_count + 1, np.int32), np.empty(3 * len(faces), np.int32)
-    _rows(faces.view(np.uint32), start.view(np.uint32), rows.view(np.uint32))
-    return Adjacency(start, rows)
+@jit.parallel_kernel
+def _fill(queue, corners, size, ends, rows):
+    """Fill `rows`, each piece from its last triangle to its first."""
+    piece = jit.take(queue)
+    while piece < len(ends):
+        mine = ends[piece]
+        first, last = U(piece * size), U(min(len(corners), (piece + 1) * size))
+        for back in range(last - first):
+            i = last - U(1) - back
+            v = corners[i]
+            mine[v] -= np.uint32(1)
+            rows[mine[v]] = i // U(3)
+        piece = jit.take(queue)
+
+
+def adjacency(faces: Array, vertex_count: int, threads: int = 1) -> Adjacency:
+    """The triangles around each vertex of `faces`, (m, 3) int32 below `vertex_count`. Threads beyond one for every 100 thousand are not used."""
+    pieces = max(1, min(threads, len(faces) // 100_000))
+    size = 3 * -(-len(faces) // pieces)
+    start, rows = np.empty(vertex_count + 1, np.uint32), np.empty(3 * len(faces), np.uint32)
+    corners, counts = faces.reshape(-1).view(np.uint32), np.zeros((pieces, vertex_count), np.uint32)
+    jit.run(_count, pieces, corners, size, counts)
+    _ends(counts, start)
+    jit.run(_fill, pieces, corners, size, counts, rows)
+    return Adjacency(start.view(np.int32), rows.view(np.int32))
 
 
 @jit.kernel

@@ -89,7 +89,7 @@ class _Job:
     @property
     def rows(self) -> Adjacency:
         if self._rows is None:
-            self._rows = adjacency(self.faces, self.vertices)
+            self._rows = adjacency(self.faces, self.vertices, self.threads)
         return self._rows
 
     def score(self, triangles: Array) -> float:
