@@ -124,7 +124,7 @@ def _with_points(made: list[Charted], surfaces: list[Surface], pieces: list[Piec
         flat.chart[point], flat.page[point] = row + chart, places[row, 0]
         corners = flat.triangles[point]
         flat.texcoords[corners] = places[row, None, 1:] + 0.5
-        first += np.count_nonzero(chosen)
+        first += int(np.count_nonzero(chosen))
         moved.append(_with_rest(flat, surface))
     return moved, max(pages, int(places[:, 0].max(initial=-1)) + 1, 1)
 

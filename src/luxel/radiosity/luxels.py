@@ -16,8 +16,9 @@ from luxel import jit
 from luxel.arrays import Array
 from luxel.errors import LuxelWarning
 from luxel.radiosity.appearance import LEAST_SHARE, appearance
+from luxel.radiosity.pages import draw_page, triangle_pages
 from luxel.radiosity.pieces import areas
-from luxel.radiosity.texture_space import Texels, area2, cut_texels, place_vertices
+from luxel.radiosity.texture_space import Texels, place_vertices
 from luxel.raster.geometry import Geometry, flatten
 from luxel.raster.materials import pack_materials
 from luxel.scene.material import Material
@@ -105,12 +106,6 @@ def part_of(geometry: Geometry, triangle: Array) -> Array:
     return np.searchsorted(geometry.part_start, triangle, "right") - 1
 
 
-def triangle_pages(atlas: Atlas, geometry: Geometry) -> Array:
-    """(m,) int32: the page of each triangle."""
-    drawn = [i for i, instance in enumerate(atlas.scene.instances) if len(atlas.scene.meshes[instance.mesh].triangles)]
-    return np.repeat(atlas.instance_page[drawn], np.diff(geometry.part_start))
-
-
 def texture_gradients(atlas: Atlas, geometry: Geometry) -> Array:
     """(m, 4) float32: what barycentric coordinates 1 and 2 gain by a texel to the right, and by one down."""
     u, v = (geometry.texcoords1[:, k].astype(np.float64)[geometry.triangles] * atlas.size[k] for k in (0, 1))
@@ -127,9 +122,7 @@ def _draw_pages(atlas: Atlas, geometry: Geometry, threads: int) -> tuple[Texels,
     drawn, contested, number = [], [], []
     for page in range(atlas.pages):
         chosen = np.flatnonzero((pages == page) & (surface > 0) & (atlas.chart >= 0)).astype(np.int32)
-        faces = geometry.triangles[chosen]
-        texels = cut_texels(faces, screen, atlas.chart[chosen], surface[chosen], atlas.size, threads)
-        texels = _with_points(texels, faces, screen, atlas.chart[chosen], surface[chosen], atlas.size)
+        texels = draw_page(geometry.triangles[chosen], screen, atlas.chart[chosen], surface[chosen], atlas.size, threads)
         place = texels.place[texels.loser >= 0]
         contested.append(np.stack([np.full(len(place), page), place // atlas.size[0], place % atlas.size[0]], 1))
         drawn.append(texels._replace(triangle=chosen[texels.triangle]))
@@ -137,28 +130,6 @@ def _draw_pages(atlas: Atlas, geometry: Geometry, threads: int) -> tuple[Texels,
     nothing = Texels(*(np.zeros(0, dtype) for dtype in (np.int32, np.int32, np.float32, np.float32, np.float64, np.float32, np.int32)))
     every = Texels(*(np.concatenate(arrays) for arrays in zip(nothing, *drawn, strict=True)))
     return every, np.concatenate([np.zeros(0, int), *number]), np.concatenate([np.zeros((0, 3), int), *contested]).astype(np.int32)
-
-
-def _with_points(texels: Texels, triangles: Array, screen: Array, chart: Array, surface: Array, size: tuple[int, int]) -> Texels:
-    """Add texels for triangles that have a surface but no area on the page: each stands in the texel of its middle, if that is free."""
-    flat = np.flatnonzero(area2(screen, triangles) == 0)
-    if not len(flat):
-        return texels
-    x, y = (screen[:, k].astype(np.int64)[triangles[flat]].sum(1) // (3 * 256) for k in (0, 1))
-    inside = (x >= 0) & (x < size[0]) & (y >= 0) & (y < size[1])
-    flat, place = flat[inside], (y * size[0] + x)[inside]
-    keys, group = np.unique(np.stack([place, chart[flat]]), axis=1, return_inverse=True)
-    whole = np.bincount(group, surface[flat], keys.shape[1])
-    order = np.lexsort((flat, -surface[flat], -whole[group], place))  # the largest triangle of the largest chart
-    place, first = np.unique(place[order], return_index=True)
-    free = ~np.isin(place, texels.place)
-    chosen = order[first[free]]
-    place, flat, whole = place[free].astype(np.int32), flat[chosen].astype(np.int32), whole[group[chosen]]
-    third, none = np.full(len(flat), 1 / 3, np.float32), np.full(len(flat), -1, np.int32)
-    points = Texels(place, flat, third, third, whole, np.full(len(flat), 1 / 65536, np.float32), none)
-    joined = Texels(*(np.concatenate(pair) for pair in zip(texels, points, strict=True)))
-    order = np.argsort(joined.place, kind="stable")
-    return Texels(*(array[order] for array in joined))
 
 
 def _whole_charts(area: Array, chart: Array, charts: Array, surface: Array) -> tuple[Array, Array]:

@@ -52,18 +52,8 @@ def areas(positions: Array, triangles: Array) -> Array:
 
 def find_pieces(surface: Surface) -> Pieces:
     """Connect triangles that share a place."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    from luxel.scene.normals import weld
-
     positions, triangles = surface.positions, surface.triangles
-    same = weld(positions)
-    corners = triangles if same is None else same[triangles]
-    n, m = len(positions), len(triangles)
-    links = coo_array((np.ones(2 * m, np.int8), (corners[:, :2].T.ravel(), corners[:, 1:].T.ravel())), (n, n))
-    vertex_piece = connected_components(links, directed=False)[1]
-    _, piece = np.unique(vertex_piece[corners[:, 0]], return_inverse=True)
+    piece = connected(triangles, positions)
     area, longest = areas(positions, triangles), _longest_edge(positions, triangles)
     sound = (area > _LEAST_AREA) & (2 * area > _LEAST_HEIGHT * longest)
     count = int(piece.max(initial=-1)) + 1
@@ -75,7 +65,26 @@ def find_pieces(surface: Surface) -> Pieces:
         np.maximum.at(high, piece[sound], points.max(1))
         known = np.isfinite(low[:, 0])
         extent[known] = np.sqrt(((high[known] - low[known]) ** 2).sum(1))
-    return Pieces(piece.astype(np.int32), extent, sound, area)
+    return Pieces(piece, extent, sound, area)
+
+
+def connected(triangles: Array, *vertices: Array) -> Array:
+    """(m,) int32: numbers of the connected parts; triangles touch at vertices where all of the `vertices` arrays, (n, 3) float32, agree."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    from luxel.scene.normals import weld
+
+    n, m = len(vertices[0]), len(triangles)
+    key = np.zeros(n, np.int64)
+    for values in vertices:
+        same = weld(values)
+        same = np.arange(n) if same is None else same
+        key = np.unique(key * np.int64(n) + same, return_inverse=True)[1]
+    corners = key[triangles]
+    links = coo_array((np.ones(2 * m, np.int8), (corners[:, :2].T.ravel(), corners[:, 1:].T.ravel())), (n, n))
+    part = connected_components(links, directed=False)[1]
+    return np.unique(part[corners[:, 0]], return_inverse=True)[1].astype(np.int32)
 
 
 def _longest_edge(positions: Array, triangles: Array) -> Array:

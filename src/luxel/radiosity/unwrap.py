@@ -10,8 +10,10 @@ import numpy as np
 
 from luxel.arrays import Array
 from luxel.errors import InputError
+from luxel.jit import checked_threads
 from luxel.radiosity.charts import Charted, chart_surfaces
 from luxel.radiosity.pieces import Surface, areas
+from luxel.radiosity.reuse import make_room, own_coordinates
 from luxel.raster.geometry import made_normals
 from luxel.scene.mesh import Mesh
 from luxel.scene.scene import Instance, Scene
@@ -43,30 +45,45 @@ class Atlas(NamedTuple):
     reused: bool
 
 
-def unwrap(scene: Scene, density: float | Mapping[str, float] | None = None, page: int = 1024, gutter: int = 2) -> Atlas:
+def unwrap(scene: Scene, density: float | Mapping[str, float] | None = None, page: int | tuple[int, int] = 1024, gutter: int = 2,
+           reuse: bool = True, threads: int | None = None) -> Atlas:  # fmt: skip
     """Give every instance lightmap coordinates.
+
+    A scene's own TEXCOORD_1 is taken if it serves: inside 0..1, without overlap, with charts of a texel at least. Meshes whose coordinates overlap
+    those of others get pages of their own. Else new coordinates are made by xatlas, with the density that is asked for: exact on what can be laid
+    flat, the mean elsewhere. Charts narrower than a texel are made a texel wide, and charts too large for a page are made smaller.
 
     Args:
         scene: Not changed.
-        density: Texels per metre in the world; by name of material for some, with "" for all others. None: about `LUXELS` luxels in all.
-        page: Width and height of a page, texels. A scene that needs one page only gets one as large as it needs.
-        gutter: Texels that stay free between charts, at least.
+        density: Texels per metre in the world; by name of material for some, with "" for all others. None: about `LUXELS` luxels in all, or for
+            the scene's own coordinates what `page` gives.
+        page: Width and height of a page, texels; or both. A scene that needs one page only gets one as large as it needs.
+        gutter: Texels that stay free between new charts, at least.
+        reuse: Take the scene's own coordinates if they serve.
+        threads: None: all that the process may use. The result does not depend on it.
 
     Raises:
         InputError: An argument is out of range, or the scene cannot be drawn.
         ExtraMissingError: xatlas is not installed.
     """
-    page, gutter = _whole(page, "page", 16, 1 << 14), _whole(gutter, "gutter", 0, 64)
+    width, height = (_whole(side, "page", 16, 1 << 14) for side in (page if isinstance(page, tuple) else (page, page)))
+    gutter, threads = _whole(gutter, "gutter", 0, 64), checked_threads(threads)
     scene.check()
     drawn = [i for i in scene.instances if len(scene.meshes[i.mesh].triangles)]
     meshes = [scene.meshes[i.mesh] for i in drawn]
-    with_normals = [mesh if mesh.normals is not None else replace(mesh, normals=made_normals(mesh)) for mesh in meshes]  # cuts change no shading
-    surfaces = [_in_world(mesh, instance) for mesh, instance in zip(with_normals, drawn, strict=True)]
+    surfaces = [_in_world(mesh, instance) for mesh, instance in zip(meshes, drawn, strict=True)]
     each = densities(scene, meshes, surfaces, density)
+    if reuse:
+        atlas = own_coordinates(scene, drawn, meshes, surfaces, None if density is None else each, (width, height), threads)
+        if atlas is not None:
+            return atlas
+    scene = make_room(scene)
+    meshes = [scene.meshes[i.mesh] for i in drawn]
+    meshes = [mesh if mesh.normals is not None else replace(mesh, normals=made_normals(mesh)) for mesh in meshes]  # cuts change no shading
     scaled = [Surface((s.positions * d).astype(np.float32), s.triangles, s.normals) for s, d in zip(surfaces, each, strict=True)]
-    charted, pages = chart_surfaces(scaled, page, gutter)
-    size = _page_size(charted, pages, page)
-    return _assembled(scene, drawn, with_normals, charted, pages, size)
+    side = min(width, height)  # xatlas packs squares
+    charted, pages = chart_surfaces(scaled, side, gutter)
+    return _assembled(scene, drawn, meshes, charted, pages, _page_size(charted, pages, side))
 
 
 def densities(scene: Scene, meshes: list[Mesh], surfaces: list[Surface], density: object) -> list[float]:
@@ -98,9 +115,9 @@ def _in_world(mesh: Mesh, instance: Instance) -> Surface:
     matrix = np.asarray(instance.world_from_mesh)
     with np.errstate(all="ignore"):
         positions = mesh.positions @ matrix[:3, :3].T + matrix[:3, 3]
-    normals = np.asarray(mesh.normals) @ np.linalg.pinv(matrix[:3, :3])
+    normals = (made_normals(mesh) if mesh.normals is None else mesh.normals) @ np.linalg.pinv(matrix[:3, :3])
     length = np.sqrt((normals**2).sum(1, keepdims=True))
-    return Surface(positions, mesh.triangles, np.where(length > 0, normals / np.maximum(length, 1e-30), 0).astype(np.float32))
+    return Surface(positions.astype(np.float32), mesh.triangles, np.where(length > 0, normals / np.maximum(length, 1e-30), 0).astype(np.float32))
 
 
 def _page_size(charted: list[Charted], pages: int, page: int) -> tuple[int, int]:

@@ -1,0 +1,189 @@
+"""Diagnosis: whether lightmap coordinates serve, and what a bake with them will take. Cheap enough to look at before every bake."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from luxel import jit
+from luxel.arrays import Array
+from luxel.radiosity.overlap import overlap
+from luxel.radiosity.pages import draw_page, triangle_pages
+from luxel.radiosity.pieces import areas
+from luxel.radiosity.texture_space import Texels, area2, place_vertices
+from luxel.raster.constants import SUBPIXEL
+from luxel.raster.geometry import Geometry, flatten
+
+if TYPE_CHECKING:
+    from luxel.radiosity.unwrap import Atlas
+
+MOST_OVERLAP, MOST_SMALL, MOST_CONTESTED, MOST_SPREAD = 0.005, 0.02, 0.1, 8.0
+"""Up to which coordinates serve: shares of samples covered twice (surfaces that lie in each other overlap in any chart), of surface in charts
+too small or missing, and of texels with two charts; and the ratio of the most to the least density."""
+
+MOST_GUTTER = 4
+_SLACK = 1e-4  # beyond 0..1 by rounding
+_BYTES_A_LUXEL, _BYTES_A_TRIANGLE, _BYTES_AT_LEAST = 700, 400, 150 << 20
+_SECONDS_A_LUXEL, _SECONDS_A_TRIANGLE, _SECONDS_AT_LEAST = 2e-5, 2e-5, 0.5
+
+
+class Density(NamedTuple):
+    """Texels per metre over the surface: least (all but 1 % have more), median, most (1 % have more)."""
+
+    least: float
+    median: float
+    most: float
+
+
+class Diagnosis(NamedTuple):
+    """What is to be said of a scene's lightmap coordinates.
+
+    Attributes:
+        triangles, charts, pages, size: Of the atlas.
+        reused: The file's own TEXCOORD_1 serve.
+        luxels: How many there will be (holes of alpha masks included).
+        used: Share of the pages' texels that are luxels.
+        density: Texels per metre.
+        overlap: Share of what is covered that is covered twice or more often.
+        outside: Triangles that reach beyond the page.
+        small: Charts with less than a texel of surface.
+        small_share: Share of the surface in those, or in no chart at all.
+        contested: Texels in which more than one chart lies.
+        gutter: Least number of free texels between two charts, counted up to MOST_GUTTER.
+        bytes, seconds: What a bake of `normal` quality will take; see `estimate`.
+    """
+
+    triangles: int
+    charts: int
+    pages: int
+    size: tuple[int, int]
+    reused: bool
+    luxels: int
+    used: float
+    density: Density
+    overlap: float
+    outside: int
+    small: int
+    small_share: float
+    contested: int
+    gutter: int
+    bytes: int
+    seconds: float
+
+    @property
+    def serves(self) -> bool:
+        """Whether the coordinates will do for a lightmap."""
+        return not self.faults()
+
+    def faults(self) -> list[str]:
+        """What makes the coordinates unfit; empty if nothing does."""
+        found = []
+        if self.overlap > MOST_OVERLAP:
+            found.append(f"charts overlap: {self.overlap:.2%} of what they cover is covered twice")
+        if self.outside:
+            found.append(f"{self.outside} triangles reach beyond 0..1")
+        if self.small_share > MOST_SMALL:
+            found.append(f"{self.small_share:.1%} of the surface is in no chart, or in charts smaller than a texel")
+        if self.contested > MOST_CONTESTED * max(self.luxels, 1):
+            found.append(f"{self.contested} texels are shared by charts")
+        if self.reused and self.density.most > MOST_SPREAD * self.density.least:
+            found.append(f"the density varies from {self.density.least:.3g} to {self.density.most:.3g} texels per metre")
+        if not self.luxels:
+            found.append("there is no surface")
+        return found
+
+    def text(self) -> str:
+        """A few lines for people."""
+        d, (width, height) = self.density, self.size
+        pages = "page" if self.pages == 1 else "pages"
+        lines = [
+            f"triangles    {self.triangles:,}",
+            f"charts       {self.charts:,}, {'the scene has them (TEXCOORD_1)' if self.reused else 'made anew'}",
+            f"lightmap     {self.pages} {pages} of {width} x {height}, {self.used:.0%} used",
+            f"luxels       {self.luxels:,}",
+            f"density      {d.median:.4g} texels per metre ({d.least:.4g} to {d.most:.4g})",
+            f"gutter       {self.gutter if self.gutter < MOST_GUTTER else f'{MOST_GUTTER} or more'} free texels between charts",
+            f"overlap      {self.overlap:.2%}, {self.contested:,} texels with two charts",
+            f"small charts {self.small:,} smaller than a texel, {self.small_share:.2%} of the surface",
+            f"memory       about {self.bytes / 2**20:,.0f} MiB",
+            f"time         about {_spell(self.seconds)}",
+        ]
+        return "\n".join(lines + [f"fault        {fault}" for fault in self.faults()])
+
+
+def diagnose(atlas: Atlas, threads: int | None = None) -> Diagnosis:
+    """Look at the lightmap coordinates of a scene."""
+    threads = jit.checked_threads(threads)
+    geometry = flatten(atlas.scene, "none")
+    screen, surface = place_vertices(geometry.texcoords1, atlas.size, threads), areas(geometry.positions, geometry.triangles)
+    page = triangle_pages(atlas, geometry)
+    covered = twice = luxels = contested = 0
+    gutter = MOST_GUTTER
+    for number in range(atlas.pages):
+        chosen = np.flatnonzero((page == number) & (surface > 0) & (atlas.chart >= 0)).astype(np.int32)
+        faces, chart = geometry.triangles[chosen], atlas.chart[chosen]
+        counted = overlap(faces, screen, atlas.size, threads)
+        covered, twice = covered + counted[0], twice + counted[1]
+        texels = draw_page(faces, screen, chart, surface[chosen], atlas.size, threads)
+        luxels, contested = luxels + len(texels.place), contested + int(np.count_nonzero(texels.loser >= 0))
+        gutter = min(gutter, least_gutter(texels, chart, atlas.size))
+    small, share = _small(atlas, screen, geometry, surface)
+    beyond = np.abs(geometry.texcoords1 - np.float32(0.5)).max(1, initial=0) > 0.5 + _SLACK
+    outside = int(np.count_nonzero(beyond[geometry.triangles].any(1) & (surface > 0)))
+    charts, triangles = int(atlas.chart.max(initial=-1)) + 1, len(geometry.triangles)
+    memory, seconds = estimate(luxels, triangles)
+    return Diagnosis(
+        triangles, charts, atlas.pages, atlas.size, atlas.reused, luxels, luxels / (atlas.pages * atlas.size[0] * atlas.size[1]),
+        density_of(atlas, geometry, surface), twice / max(covered, 1), outside, small, share, contested, gutter, memory, seconds,
+    )  # fmt: skip
+
+
+def estimate(luxels: int, triangles: int) -> tuple[int, float]:
+    """Bytes and seconds that a bake will take, roughly, on two cores: both grow linearly, as the brightest patches light all luxels at once."""
+    memory = _BYTES_AT_LEAST + luxels * _BYTES_A_LUXEL + triangles * _BYTES_A_TRIANGLE
+    return int(memory), _SECONDS_AT_LEAST + luxels * _SECONDS_A_LUXEL + triangles * _SECONDS_A_TRIANGLE
+
+
+def density_of(atlas: Atlas, geometry: Geometry, surface: Array) -> Density:
+    """Texels per metre: square roots of texels by square metre, of the triangles, weighted by their area."""
+    u, v = (geometry.texcoords1[:, k].astype(np.float64)[geometry.triangles] * atlas.size[k] for k in (0, 1))
+    texels = np.abs((u[:, 1] - u[:, 0]) * (v[:, 2] - v[:, 0]) - (v[:, 1] - v[:, 0]) * (u[:, 2] - u[:, 0])) / 2
+    known = (surface > 0) & (texels > 0)
+    if not known.any():
+        return Density(0.0, 0.0, 0.0)
+    linear = np.sqrt(texels[known] / surface[known])
+    order = np.argsort(linear)
+    share = np.cumsum(surface[known][order])
+    return Density(*(float(linear[order[np.searchsorted(share, q * share[-1])]]) for q in (0.01, 0.5, 0.99)))
+
+
+def least_gutter(texels: Texels, chart: Array, size: tuple[int, int]) -> int:
+    """Least number of free texels, along rows, columns and diagonals, between two charts: 0 if they touch or share texels, MOST_GUTTER at most."""
+    from scipy.ndimage import maximum_filter, minimum_filter
+
+    owner = chart[texels.triangle]
+    if (texels.loser >= 0).any():
+        return 0
+    highest, lowest = np.full((size[1], size[0]), -1, np.int32), np.full((size[1], size[0]), np.iinfo(np.int32).max, np.int32)
+    highest.reshape(-1)[texels.place] = lowest.reshape(-1)[texels.place] = owner
+    for free in range(MOST_GUTTER):
+        highest, lowest = maximum_filter(highest, 3), minimum_filter(lowest, 3)  # of the charts within free + 1 texels
+        if (highest.reshape(-1)[texels.place] > owner).any() or (lowest.reshape(-1)[texels.place] < owner).any():
+            return free
+    return MOST_GUTTER
+
+
+def _small(atlas: Atlas, screen: Array, geometry: Geometry, surface: Array) -> tuple[int, float]:
+    """Charts with less than a texel, and the share of the surface in them or in no chart."""
+    count, known = int(atlas.chart.max(initial=-1)) + 1, atlas.chart >= 0
+    texels = np.bincount(atlas.chart[known], np.abs(area2(screen, geometry.triangles[known])) / (2 * SUBPIXEL**2), count)
+    own = np.bincount(atlas.chart[known], surface[known], count)
+    small = (texels < 1 - _SLACK) & (own > 0)
+    return int(np.count_nonzero(small)), float((own[small].sum() + surface[~known].sum()) / max(surface.sum(), 1e-300))
+
+
+def _spell(seconds: float) -> str:
+    if seconds < 90:
+        return f"{seconds:.0f} s" if seconds >= 10 else f"{seconds:.1f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
