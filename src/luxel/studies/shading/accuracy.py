@@ -77,8 +77,8 @@ def _halving(rows: list[Row]) -> list[Row]:
     for row in rows:
         ratio = {f"{kind}, {name}": row[f"counter{end}, {kind}"] / row[f"classical{end}, {kind}"]
                  for name, end in (("span's slopes", ""), ("plane's slopes", ", plane's slopes")) for kind in ("largest", "RMS")}  # fmt: skip
-        found.append({"pixels, more than": row["pixels, more than"], "up to": row["up to"]} | ratio | {
-            "seam / largest one-way error": row["counter, seam"] / row["classical, largest"]})  # fmt: skip
+        seam = row["counter, seam"] / row["classical, largest"]
+        found.append({"pixels, more than": row["pixels, more than"], "up to": row["up to"]} | ratio | {"seam / largest one-way error": seam})
     return found
 
 
@@ -123,6 +123,18 @@ def attribute_rows(kind: str, count: int, area: float) -> list[Row]:
     return rows
 
 
+def _by_format(rows: list[Row]) -> list[Row]:
+    """A row for each attribute and scheme."""
+    found: dict[tuple[str, str], Row] = {}
+    for row in rows:
+        cells = found.setdefault((row["attribute"], row["scheme"]), {"attribute": row["attribute"], "scheme": row["scheme"]})
+        form = row["format"]
+        cells |= {f"{form} wrong, %": row["levels wrong, %"], f"{form} off by": row["largest error of the level"]}
+        if form == str(FORMATS[-1]):
+            cells |= {"largest error, ulp": row["largest error, ulp"], "RMS error, ulp": row["RMS error, ulp"]}
+    return list(found.values())
+
+
 def phong_copies(count: int, area: float) -> Row:
     """How far midlines' copies are from the template by a constant: the normals, and what they look like lit."""
     rng = np.random.default_rng(13)
@@ -143,9 +155,10 @@ def run(context: Context, report: Report, facts: Row) -> None:
     """By length, by format, by attribute."""
     lengths = [4, 16, 64, 256] if context.quick else [2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2048]
     rows = by_length(lengths, 10 if context.quick else 40, Format())
-    report.table("errors", "Errors by the length of the span", rows, "In units of the last place (8.16: 2^-16 of a grey level), against exact rational "
-                 "interpolation at pixels' centres. Both ends of a span are exact to half a unit and its slope is divided out and rounded; or all comes from "
-                 "one pixel by the plane's slopes. `seam`: the change of the error between the two neighbours in mid-span.")  # fmt: skip
+    report.table("errors", "Errors by the length of the span", rows,
+                 "In units of the last place (8.16: 2^-16 of a grey level), against exact rational interpolation at pixels' centres. Both ends "
+                 "of a span are exact to half a unit and its slope is divided out and rounded; or all comes from one pixel by the plane's "
+                 "slopes. `seam`: the change of the error between the two neighbours in mid-span.")  # fmt: skip
     halves = _halving(rows)
     report.table("halving", "Counter interpolation: its error over that of one interpolator", halves, "The claim is 0.5.")
     _figure(report, rows)
@@ -153,15 +166,18 @@ def run(context: Context, report: Report, facts: Row) -> None:
     area = 600 if context.quick else 8000
     for kind in ("intensity", "RGB", "normals"):
         kinds += attribute_rows(kind, 4 if context.quick else 12, area)
-    report.table("attributes", "Gouraud and Phong: errors by format", kinds, f"Triangles of {area:,} pixels. Normals are interpolated, then normalised and lit "
-                 "(Lambert and Blinn-Phong) in floating point; `level` is of 255, and wrong where it is not what exact interpolation gives.")  # fmt: skip
+    report.table("attributes", "Gouraud and Phong: errors by format", _by_format(kinds),
+                 f"Triangles of {area:,} pixels. Normals are interpolated, then normalised and lit (Lambert and Blinn-Phong) in floating point. "
+                 "Levels are of 255; `wrong`: pixels, %, whose level is not what exact interpolation gives; `off by`: the largest difference "
+                 "before rounding.")  # fmt: skip
     facts |= {"errors": rows, "halving": halves, "attributes": kinds, "phong copies": phong_copies(20 if context.quick else 200, area)}
 
 
 def _figure(report: Report, rows: list[Row]) -> None:
     for kind in ("largest", "RMS"):
-        note = "Dotted: (1 + k) / 2, which k additions of a slope rounded to half a unit cannot exceed; and half of that." if kind == "largest" else ""
-        with report.figure(f"errors-{kind.lower()}", f"{kind[0].upper() + kind[1:]} error against the length of the span, 8.16", note, (9.0, 4.2)) as axes:
+        note = "Dotted: what k additions of a slope rounded to half a unit cannot exceed, (1 + k) / 2; and half of that." if kind == "largest" else ""
+        title = f"{kind[0].upper() + kind[1:]} error against the length of the span, 8.16"
+        with report.figure(f"errors-{kind.lower()}", title, note, (9.0, 4.2)) as axes:
             x = [row["up to"] for row in rows]
             for k, name in enumerate(WAYS):
                 axes.plot(x, [row[f"{name}, {kind}"] for row in rows], "s--" if "plane" in name else "o-", color=f"C{k}", label=name, markersize=4)

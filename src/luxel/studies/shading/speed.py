@@ -92,50 +92,91 @@ def resource_rows(rows: list[Row], area: int) -> list[Row]:
     return found
 
 
+MODEL = """## Model
+
+Coverage is luxel's rasteriser's: no scheme decides what a triangle covers. In a step each interpolator makes one addition and writes at most one
+pixel. An *edge* interpolator carries x and the channels down an edge, a *line* interpolator x along a span, a *code* interpolator the channels. A
+row costs one step of the edge interpolators and, if its slope is divided out, three for that; with the plane's slopes, a triangle costs six steps
+and a row one. Interleaved interpolators need ceil(log2 n) more to find their first values, by shifts and additions.
+
+The wave is read so: two edge interpolators draw the border first; a seed is found by two halvings; an active pixel activates those of its four
+neighbours that are within and not active; where the wave dies before all is filled, the rows are gone through, a step each, for the next seed.
+`wave, seeds only` draws no border. The wave to the letter, from one seed, is measured too, but does not fill every pixel.
+
+Midlines: the template is the quarter at the first corner, its copies are moved by whole pixels, and the middle one is turned; a copy writes a pixel
+only if it is covered and not yet written; what then is left is filled by one interpolator, run by run.
+
+Steps are counted while this runs. Utilisation is pixels / (pixels that all units could have written), so a unit is idle whether it waits for a row
+or has nothing to do."""
+
+
 def run(context: Context, report: Report, facts: Row) -> None:
     """Spans, areas, utilisation and adders."""
-    report.say("""## Model
-
-Coverage is luxel's rasteriser's: no scheme decides what a triangle covers. In a step each interpolator makes one addition and at most one pixel is
-written by each. An *edge* interpolator carries x and the channels down an edge, a *line* interpolator x along a span, a *code* interpolator the channels.
-A row costs one step of the edge interpolators and, if its slope is divided out, three for that; with the plane's slopes, a triangle costs six steps and
-a row one. Interleaved interpolators need ceil(log2 n) more to find their first values, by shifts and additions. The wave is read so: two edge
-interpolators draw the border first, a seed is found by two halvings, an active pixel activates its neighbours, and where the wave dies before all is
-filled the rows are gone through, a step each, for the next seed. Midlines: a copy writes a pixel only if it is covered and not yet written; what then
-is left is filled by one interpolator, run by run. Steps are counted while this runs; utilisation is pixels / (pixels that all units could have written),
-so idle units count, whether they wait for a row or have nothing to do.""")
+    report.say(MODEL)
     lengths = [1, 2, 3, 4, 5, 7, 8, 9, 15, 16, 17, 32, 64, 128, 256, 512, 1024]
-    spans = span_rows(lengths if not context.quick else [n for n in lengths if n <= 256])
+    spans = span_rows([n for n in lengths if n <= 256 or not context.quick])
     report.table("spans", "Speed-up against the length of a span", spans, "Over one interpolator.")
     _span_figure(report, spans)
     areas = [4, 16, 64, 256, 1024] if context.quick else [4, 16, 64, 256, 1024, 4096, 16384, 65536]
     count = 12 if context.quick else 60
-    rows = []
+    rows, setups = [], []
     for shape in SHAPES:
         what = triangles([a for a in areas if shape != "thin" or a <= 1024], count, shape)
         rows += area_rows(what, shape, (*SCHEMES, *VARIANTS, *LITERAL))
         if shape == "any":
             setups = [row for name in _MACHINES for row in area_rows(what, shape, SCHEMES, name)]
-    report.table("areas", "Speed-up, utilisation and idle units against area", rows,
-                 "Random triangles of three shapes: any; corners on pixels' corners, an even number apart; two pixels wide. `repaired`: pixels that midlines' "
-                 "copies had left; `missed`: pixels that the wave to the letter, from one seed, never reaches, for which its speed means nothing. All "
-                 "other schemes fill every pixel once.")  # fmt: skip
-    report.table("setup", "What set-up does to the speed-up", _pivot(setups), "Of triangles of any shape; over one interpolator with the same set-up.")
+            facts["wave distances"] = [wave_follows_distance(one) for some in what.values() for one in some[:20]]
+    _area_tables(report, rows, setups)
     _area_figures(report, rows)
     middle = 1024
     made = resource_rows(rows, middle)
     report.table("resources", "What each scheme is made of, and what that buys", made,
-                 f"Speed-up on triangles of {middle:,} pixels; adders include those in interpolators. The last column is 1 where speed costs what it brings, and more where it is cheap.")
+                 f"Speed-up on triangles of {middle:,} pixels; adders include those in interpolators. The last column is 1 where speed costs "
+                 "what it brings, and more where it is cheap.")  # fmt: skip
     _cost_figure(report, made, middle)
     facts |= {"spans": spans, "areas": rows, "setups": setups, "resources": made}
 
 
-def _pivot(rows: list[Row]) -> list[Row]:
-    """A row for each set-up and area, a column for each scheme."""
+def wave_follows_distance(what: Triangle) -> bool:
+    """Whether the wave, to the letter, takes as many steps as its farthest pixel is away, by 4-neighbours, and one for the seed."""
+    from scipy.ndimage import binary_dilation
+
+    filled = fill(what, LITERAL[0])
+    written = filled.step[filled.writes > 0]
+    if not len(written):
+        return True
+    reached, distance = filled.step == written.min(), -1
+    grown = reached
+    while grown.any():
+        reached, distance = reached | grown, distance + 1
+        grown = binary_dilation(reached) & what.covered.mask & ~reached
+    return distance == int(written.max() - written.min())
+
+
+def _area_tables(report: Report, rows: list[Row], setups: list[Row]) -> None:
+    kept = {scheme.name for scheme in (*SCHEMES, *VARIANTS)}
+    whole = [row for row in rows if row["scheme"] in kept]
+    note = "Random triangles of three shapes: any; corners on those of pixels, an even number apart; two pixels wide."
+    report.table("areas", "Speed-up against area", _pivot(whole, "shape", "speed-up"), f"{note} Over one interpolator, 4 steps a row.")
+    report.table("utilisation", "Utilisation against area", _pivot(whole, "shape", "utilisation"),
+                 "Pixels / (units x steps); of the wave, units are the most at once.")  # fmt: skip
+    idle = [row | {"idle a pixel": row["idle a triangle"] / max(1.0, row["pixels a triangle"])} for row in whole]
+    report.table("idle", "Idle units against area", _pivot(idle, "shape", "idle a pixel"),
+                 "Steps in which a unit wrote nothing, for each pixel that was written.")  # fmt: skip
+    helped = [row for row in rows if row["scheme"] in ("midlines", "wave", "wave, seeds only", *(scheme.name for scheme in LITERAL))]
+    columns = ("shape", "area", "scheme", "units, most", "seeds, mean", "repaired", "missed")
+    report.table("help", "What midlines and the wave need", [{key: row[key] for key in columns} for row in helped],
+                 "`repaired`: part of the pixels that midlines' copies had left; `missed`: part that the wave to the letter never reaches. All other "
+                 "schemes fill every pixel, once.")  # fmt: skip
+    report.table("setup", "What set-up does to the speed-up", _pivot(setups, "set-up", "speed-up"),
+                 "Triangles of any shape; over one interpolator with the same set-up. A wave always takes the plane's slopes.")  # fmt: skip
+
+
+def _pivot(rows: list[Row], kind: str, value: str) -> list[Row]:
+    """A row for each `kind` and area, and a column for each scheme."""
     found: dict[tuple[str, int], Row] = {}
     for row in rows:
-        cells = found.setdefault((row["set-up"], row["area"]), {"set-up": row["set-up"], "area": row["area"]})
-        cells[f"{row['scheme']}, x"] = row["speed-up"]
+        found.setdefault((row[kind], row["area"]), {kind: row[kind], "area": row["area"]})[row["scheme"]] = row[value]
     return list(found.values())
 
 
