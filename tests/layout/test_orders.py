@@ -151,6 +151,29 @@ def test_parts_and_threads_change_no_byte(monkeypatch):
     assert whole.acmr < one.acmr < 1.06 * whole.acmr
 
 
+def test_the_cache_carries_over_a_seam(monkeypatch):
+    from luxel.layout import partition
+
+    ribbon = made.grid(1, 4000)
+    whole = order(ribbon, order="greedy")
+    monkeypatch.setattr(partition, "PART", 1000)
+    parts = check(ribbon, "greedy")
+    assert parts.acmr == whole.acmr == 8002 / 8000  # every vertex once
+
+
+@settings(max_examples=30, deadline=None)
+@given(made.soups(), st.integers(2, 40), st.integers(3, 20))
+def test_seams_are_never_worse_than_before(triangles, size, cache):
+    from luxel.layout.gather import gather
+    from luxel.layout.seams import join
+
+    n, source = int(triangles.max()) + 1, np.random.default_rng(size).permutation(len(triangles)).astype(np.int32)
+    before = gather(triangles, source, n, cache)[1]
+    join(triangles, source, size, cache, cost_table("greedy", None, cache))
+    assert sorted(source.tolist()) == list(range(len(triangles)))
+    assert gather(triangles, source, n, cache)[1] <= before
+
+
 @settings(max_examples=60, deadline=None)
 @given(made.soups(), st.integers(1, 30))
 def test_regions_hold_every_triangle_once(triangles, size):

@@ -135,3 +135,11 @@ def gather(faces: Array, source: Array, vertex_count: int, cache: int, threads: 
     if len(loads) > 1:
         _join(flat, order, cache, size, np.zeros(vertex_count, word), np.zeros(vertex_count, word), out, loads, held)
     return triangles, int(loads.sum())
+
+
+def left_in_cache(faces: Array, vertex_count: int, cache: int) -> Array:
+    """(k,) int32: the vertices that a FIFO of `cache` holds after `faces`, drawn from an empty one and turned; the oldest first."""
+    m, word = len(faces), np.uint32
+    held, source = np.full((1, cache), _NONE), np.arange(m, dtype=word)
+    jit.run(_pieces, 1, faces.reshape(-1).view(word), source, cache, max(m, 1), vertex_count, np.empty(3 * m, word), np.zeros(1, np.int64), held)
+    return held[held != _NONE].view(np.int32)

@@ -22,6 +22,7 @@ from luxel.layout.lookahead import DEPTH, SEARCH_WEIGHTS, WIDTH, look_ahead
 from luxel.layout.partition import Regions, in_parts, part_size
 from luxel.layout.patches import patches
 from luxel.layout.risk import risk_table
+from luxel.layout.seams import join
 from luxel.layout.simple import morton, shuffled
 from luxel.layout.tipsify import tipsify
 
@@ -104,7 +105,9 @@ class _Job:
             return work(self.faces, self.vertices)
         if self._regions is None:
             self._regions = Regions(self.faces, self.rows, size)
-        return in_parts(self._regions, self.threads, work, self.progress)
+        source = in_parts(self._regions, self.threads, work, self.progress)
+        join(self.faces, source, size, self.modelled, cost_table("greedy", None, self.modelled))
+        return source
 
 
 def _greedy(job: _Job, name: str) -> Array:
