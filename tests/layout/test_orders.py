@@ -161,6 +161,16 @@ def test_the_cache_carries_over_a_seam(monkeypatch):
     assert parts.acmr == whole.acmr == 8002 / 8000  # every vertex once
 
 
+def test_seams_are_drawn_again(monkeypatch):
+    from luxel.layout import partition, reorder
+
+    strip = made.grid(5, 2000)
+    monkeypatch.setattr(partition, "PART", 300)
+    joined = check(strip, "greedy").acmr
+    monkeypatch.setattr(reorder, "join", lambda *arguments: None)
+    assert joined < 0.99 * order(strip, order="greedy").acmr
+
+
 @settings(max_examples=30, deadline=None)
 @given(made.soups(), st.integers(2, 40), st.integers(3, 20))
 def test_seams_are_never_worse_than_before(triangles, size, cache):
