@@ -175,7 +175,8 @@ def run(context: Context, report: Report, facts: Row) -> None:
 
 def _figure(report: Report, rows: list[Row]) -> None:
     for kind in ("largest", "RMS"):
-        note = "Dotted: what k additions of a slope rounded to half a unit cannot exceed, (1 + k) / 2; and half of that." if kind == "largest" else ""
+        note = "One interpolator and four interleaved ones are the same bits, and so are both that take the plane's slopes."
+        note += " Dotted: (1 + k) / 2, which k additions of a rounded slope cannot exceed; and half of that." if kind == "largest" else ""
         title = f"{kind[0].upper() + kind[1:]} error against the length of the span, 8.16"
         with report.figure(f"errors-{kind.lower()}", title, note, (9.0, 4.2)) as axes:
             x = [row["up to"] for row in rows]

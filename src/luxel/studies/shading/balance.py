@@ -69,20 +69,21 @@ def delaunay(radius: float, parts: int, rng: np.random.Generator) -> tuple[Array
 
 def split_at_random(radius: float, parts: int, rng: np.random.Generator) -> tuple[Array, Array]:
     """6 parts^2 triangles: a fan, of which triangles taken at random are split at random points, so that sizes and shapes are most uneven."""
-    corners = hexagon(radius)
-    triangles = [np.stack([corners[0], corners[k], corners[k + 1]]) for k in range(1, 5)]
-    while len(triangles) + 2 <= 6 * parts * parts:
-        k = int(rng.integers(len(triangles)))
-        a, b, c = triangles[k]
-        weights = rng.dirichlet([1, 1, 1])
-        p = weights @ triangles[k]
-        triangles[k] = np.stack([a, b, p])
-        triangles += [np.stack([b, c, p]), np.stack([c, a, p])]
-    points = np.concatenate(triangles)
+    corners, many = hexagon(radius), 6 * parts * parts
+    triangles = np.empty((many, 3, 2))
+    triangles[:4] = [corners[[0, k, k + 1]] for k in range(1, 5)]
+    weights = rng.dirichlet([1, 1, 1], many)
+    chosen = rng.random(many)
+    for count in range(4, many - 1, 2):
+        k = int(chosen[count] * count)
+        whole = triangles[k].copy()
+        triangles[[k, count, count + 1]] = whole
+        triangles[[k, count, count + 1], [0, 1, 2]] = weights[count] @ whole
+    points = triangles.reshape(-1, 2)
     return points, np.arange(len(points)).reshape(-1, 3)
 
 
-def triangulated(kind: str, radius: float, parts: int, seed: int = 3) -> Array:
+def triangulated(kind: str, radius: float, parts: int, seed: int = 0) -> Array:
     """(m, 3, 2) int64 corners in 1/256 pixel, in the order of their middles, left to right in rows: as a renderer may meet them."""
     rng = np.random.default_rng([seed, parts])
     points, triangles = (regular(radius, parts) if kind == "regular" else delaunay(radius, parts, rng) if kind == "Delaunay"
@@ -129,20 +130,22 @@ def makespan(steps: Array, units: int) -> int:
     return max(free)
 
 
-def sweep(kind: str, radius: int, parts: list[int], scheme: Scheme = CLASSICAL) -> list[Row]:
-    """Each number of units on each size of triangles."""
+def sweep(kind: str, radius: int, parts: list[int], seeds: int, schemes: tuple[Scheme, ...]) -> list[Row]:
+    """Every number of units of every scheme on every size of triangles; what is random is done `seeds` times, and steps are means."""
     rows = []
     for part in parts:
-        corners = triangulated(kind, radius, part)
-        work = work_of(corners, 2 * radius, scheme)
-        pixels = int(work.pixels.sum())
-        for units in UNITS:
-            took = makespan(work.steps, units)
-            busy = int(work.steps.sum())
-            rows.append({"triangulation": kind, "triangles": len(corners), "pixels a triangle": pixels / len(corners),
-                         "largest / mean": float(work.pixels.max() / work.pixels.mean()), "units": units, "steps": took,
-                         "pixels a step": pixels / took, "idle, %": 100 * (1 - busy / (units * took)),
-                         "set-up, %": 100 * (busy - pixels / scheme.lanes) / (units * took)})  # fmt: skip
+        cut = [triangulated(kind, radius, part, seed) for seed in range(1 if kind == "regular" else seeds)]
+        for scheme in schemes:
+            works = [work_of(corners, 2 * radius, scheme) for corners in cut]
+            triangles, pixels = (float(np.mean([n(work) for work in works])) for n in (lambda w: len(w.steps), lambda w: w.pixels.sum()))
+            busy = float(np.mean([work.steps.sum() for work in works]))
+            largest = float(np.mean([work.pixels.max() / work.pixels.mean() for work in works]))
+            for units in UNITS:
+                took = float(np.mean([makespan(work.steps, units) for work in works]))
+                rows.append({"triangulation": kind, "unit": scheme.name, "triangles": triangles, "pixels a triangle": pixels / triangles,
+                             "largest / mean": largest, "units": units, "steps": took, "pixels a step": pixels / took,
+                             "idle, %": 100 * (1 - busy / (units * took)),
+                             "set-up, %": 100 * (busy - pixels / scheme.lanes) / (units * took)})  # fmt: skip
     return rows
 
 
@@ -174,15 +177,15 @@ def run(context: Context, report: Report, facts: Row) -> None:
     """Three triangulations of a hexagon, many sizes, 1 to 64 units."""
     radius = 128 if context.quick else 384
     parts = [1, 2, 4, 8, 16, 32] if context.quick else [1, 2, 3, 4, 6, 8, 11, 16, 23, 32, 45, 64]
-    rows = [row for kind in KINDS for row in sweep(kind, radius, parts)]
+    every = [row for kind in KINDS for row in sweep(kind, radius, parts, 2 if context.quick else 5, (CLASSICAL, INTERLEAVES[2]))]
+    rows, four = ([row for row in every if row["unit"] == scheme.name] for scheme in (CLASSICAL, INTERLEAVES[2]))
     best = best_rows(rows)
-    quad = [row for kind in KINDS for row in sweep(kind, radius, parts, INTERLEAVES[2])]
     pixels = rows[0]["triangles"] * rows[0]["pixels a triangle"]
     report.table("balance", "The size of triangles that balances the load", best,
                  f"A hexagon of {pixels:,.0f} pixels. A unit is one classical interpolator: {TRIANGLE_SETUP} steps a triangle, 4 a row, then a "
                  "pixel a step; it takes the next triangle when it is free. `from` .. `to`: sizes within 5% of the fastest. `idle`: units with "
-                 "no triangle left; `set-up`: units that have one and write nothing.")  # fmt: skip
-    report.table("balance-four", "The same, of units of four interleaved interpolators", best_rows(quad),
+                 "no triangle left; `set-up`: units that have one and write nothing. Means of several random triangulations.")  # fmt: skip
+    report.table("balance-four", "The same, of units of four interleaved interpolators", best_rows(four),
                  "`set-up` also has the interpolators that find no pixel at a span's end.")  # fmt: skip
     report.table("balance-all", "Pixels a step, of every size", _by_units(rows))
     for kind in KINDS:

@@ -218,8 +218,10 @@ def _cost_figure(report: Report, rows: list[Row], area: int) -> None:
         most = max(row["adders, RGB"] for row in rows)
         axes.plot([base["adders, RGB"], most], [1, most / base["adders, RGB"]], "--", color="grey")
         for row in rows:
-            axes.plot(row["adders, RGB"], row["speed-up"], "o", color="C0" if row["scheme"] in {s.name for s in SCHEMES} else "C1")
-            axes.annotate(row["scheme"], (row["adders, RGB"], row["speed-up"]), xytext=(4, 3), textcoords="offset points", fontsize=7)
+            place = row["adders, RGB"], row["speed-up"]
+            below = row["scheme"] in ("interleaved 2", "EC-DDA", "interleaved 4, own strides")
+            axes.plot(*place, "o", color="C0" if row["scheme"] in {s.name for s in SCHEMES} else "C1")
+            axes.annotate(row["scheme"], place, xytext=(5, -9 if below else 3), textcoords="offset points", fontsize=7)
         plain_ticks(axes, "x", [2**k for k in range(3, 11) if 2**k < 2 * most])
         plain_ticks(axes, "y", [1, 2, 4, 8, 16])
         axes.set_xlim(base["adders, RGB"] / 1.3, most * 1.8)
