@@ -10,6 +10,7 @@ from luxel.cluster.comm import Comm, world
 from luxel.errors import InputError
 from luxel.filter.borders import BORDERS
 from luxel.filter.filters import apply, make_filter
+from luxel.filter.streamed import Job, filtered_bands
 
 SHAPES = [(1, 1), (2, 3), (3, 1), (7, 5), (16, 16), (30, 31), (64, 48)]
 
@@ -70,6 +71,36 @@ def filters(comm: Comm) -> None:
                     assert np.abs(out - apply(image, chosen, border, 0.3, "auto", 1)).max() < 1e-13, (options, shape, border)
 
 
+def bands(comm: Comm) -> None:
+    """Pictures on disk: every rank filters bands of them, with one rank's result, and says which row of the picture is no number."""
+    asked: list[int] = []
+    for count in (0, 1, comm.size, 3 * comm.size + 1):
+        items = ((k, np.full((k, 2), k, np.uint16)) for k in range(count)) if comm.rank == 0 else ()
+        out = list(comm.spread(lambda number, array: asked.append(number) or array.astype(np.float32) + comm.rank - number, items))
+        assert [len(array) for array in out] == (list(range(count)) if comm.rank == 0 else [])
+        assert comm.size == 1 or len(asked) <= 4 * comm.size  # all of them work
+        assert all((array == k % comm.size).all() for k, array in enumerate(out))
+    kernel = np.random.default_rng(1).random((5, 9))
+    for options in ({"gaussian": 1.5}, {"ideal": 0.2}, {"butterworth": (0.2, 3)}, {"kernel": kernel / kernel.sum()}):
+        for border in BORDERS:
+            for dtype in (np.uint8, np.float32):
+                image = np.random.default_rng(2).random((150, 40, 3)).astype(np.float32)
+                image = image if dtype is np.float32 else (255 * image).astype(np.uint8)
+                job = Job(image.shape, image.dtype, make_filter(**options), border, 0.3, memory=1 << 13, bands=2 * comm.size)
+                own = list(filtered_bands(image if comm.rank == 0 else None, job, lambda done: None, comm.spread))
+                if comm.rank == 0:
+                    assert len(own) > 1
+                    one = np.concatenate(list(filtered_bands(image, job, lambda done: None)))
+                    assert np.array_equal(np.concatenate(own), one), (options, border, dtype)
+
+
+def odd(comm: Comm) -> None:
+    """A number that is none, in the middle of a picture."""
+    image = np.zeros((200, 30, 1))
+    image[150, 7] = np.nan
+    fft.lowpass(image if comm.rank == 0 else None, make_filter(gaussian=2.0) if comm.rank == 0 else None, comm)
+
+
 def fails(comm: Comm) -> None:
     """The last rank fails; the others wait for it."""
     if comm.rank == comm.size - 1:
@@ -89,6 +120,6 @@ if __name__ == "__main__":
         fails(comm)
     else:
         with comm.guard():
-            {"messages": messages, "transforms": transforms, "filters": filters, "fails": fails}[name](comm)
+            {"messages": messages, "transforms": transforms, "filters": filters, "bands": bands, "odd": odd, "fails": fails}[name](comm)
         if comm.rank == 0:
             print(f"{name}: {comm.size} ranks agree")

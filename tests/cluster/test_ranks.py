@@ -1,6 +1,7 @@
 """Ranks of MPI against one rank: the same numbers for 1, 2, 3 and 5 of them, and no rank is left waiting."""
 
 import importlib.util
+import json
 import os
 import re
 import shutil
@@ -26,7 +27,7 @@ def mpi(ranks: int, *command: object, timeout: float = 120) -> subprocess.Comple
 
 @needs_mpi
 @pytest.mark.parametrize("ranks", [1, 2, 3, 5])
-@pytest.mark.parametrize("what", ["messages", "transforms", "filters"])
+@pytest.mark.parametrize("what", ["messages", "transforms", "filters", "bands"])
 def test_ranks_agree_with_one(what, ranks):
     done = mpi(ranks, RANKS, what)
     assert done.returncode == 0, done.stderr
@@ -39,6 +40,29 @@ def test_one_failure_ends_all(what):
     done = mpi(3, RANKS, what, timeout=60)
     assert done.returncode != 0
     assert "rank 2 of 3: the last rank has had enough" in done.stderr
+
+
+@needs_mpi
+@pytest.mark.parametrize("ranks", [1, 3])
+def test_what_is_no_number_is_named_by_its_row(ranks):
+    done = mpi(ranks, RANKS, "odd", timeout=60)
+    assert done.returncode != 0
+    assert "got nan at row 150, column 7, channel 0" in done.stderr
+
+
+@needs_mpi
+@pytest.mark.parametrize("options", [["--gaussian", "2"], ["--butterworth", ".2"], ["--ideal", ".3", "--border", "clamp"]])
+def test_pictures_on_disk_are_shared_by_the_ranks(tmp_path, options):
+    """More than `--memory` holds: one rank's picture, to the rounding of a code (bands have other bounds)."""
+    image = np.random.default_rng(1).integers(0, 65536, (900, 350, 1), dtype=np.uint16)
+    np.save(tmp_path / "in.npy", image)
+    one, three = tmp_path / "one.npy", tmp_path / "three.npy"
+    for ranks, path in ((1, one), (3, three)):
+        done = mpi(ranks, "-m", "luxel", "filter", tmp_path / "in.npy", "-o", path, *options, "--memory", "1", "--json")
+        assert done.returncode == 0, done.stderr
+        told = json.loads(done.stdout)
+        assert (told["in_memory"], told["ranks"]) == (False, ranks)
+    assert np.abs(np.load(one).astype(int) - np.load(three)).max() <= 1
 
 
 @needs_mpi

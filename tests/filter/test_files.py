@@ -17,7 +17,7 @@ from luxel.filter.files import Sink, decoded, kernel_file, opened
 from luxel.filter.filters import make_filter
 from luxel.filter.png_rows import bands, header
 from luxel.filter.spectrum import spectrum_picture
-from luxel.filter.streamed import filtered_bands
+from luxel.filter.streamed import Job, filtered_bands
 from luxel.io.images import read_image, write_exr, write_png
 from luxel.io.png import PngStream
 
@@ -114,7 +114,8 @@ def test_bands_are_the_whole(options, border):
     """Bands of 64 rows; the transfer functions pass through a file, strip by strip."""
     image = np.random.default_rng(3).random((150, 90, 3)).astype(np.float32)
     done = []
-    parts = list(filtered_bands(image, make_filter(**options), border, 0.3, "auto", 2, 20_000, done.append))
+    job = Job(image.shape, image.dtype, make_filter(**options), border, 0.3, threads=2, memory=20_000)
+    parts = list(filtered_bands(image, job, done.append))
     assert len(parts) > 1
     assert done[-1] == 1
     assert np.abs(np.concatenate(parts) - lowpass(image, border=border, value=0.3, **options)).max() < 1e-6
@@ -125,7 +126,7 @@ def test_what_is_no_number_is_named_by_its_row(options):
     image = np.zeros((200, 90, 3), np.float32)
     image[150, 7, 1] = np.inf
     with pytest.raises(InputError, match="got inf at row 150, column 7, channel 1"), np.errstate(invalid="ignore"):
-        list(filtered_bands(image, make_filter(**options), "mirror", 0.0, "auto", 1, 20_000, lambda done: None))
+        list(filtered_bands(image, Job(image.shape, image.dtype, make_filter(**options), memory=20_000), lambda done: None))
 
 
 @pytest.mark.parametrize("kind", [np.uint8, np.uint16])
@@ -138,7 +139,8 @@ def test_files_in_memory_and_on_disk(tmp_path, kind, memory):
         assert isinstance(source.array, np.memmap) == (memory == 1)
         assert np.array_equal(source.array, image)
         with Sink(tmp_path / "out.png", image.shape, image.dtype, source.bits, 1) as sink:
-            for band in filtered_bands(source.array, make_filter(gaussian=2.0), "mirror", 0.0, "auto", 1, 1 << 14, lambda done: None):
+            for band in filtered_bands(source.array, Job(image.shape, sink.dtype, make_filter(gaussian=2.0), memory=1 << 14), lambda done: None):
+                assert band.dtype == kind
                 sink.write(band)
     out = np.concatenate(list(bands(tmp_path / "out.png", 100)))
     assert out.dtype == kind

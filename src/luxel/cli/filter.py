@@ -22,6 +22,7 @@ EXAMPLE = "luxel filter photo.png -o soft.png --gaussian 2.5 --spectrum spectrum
 
 _BORDERS = ("mirror", "clamp", "wrap", "constant")
 _METHODS = ("auto", "separable", "direct", "tiles", "fft", "dct")
+_BANDS_EACH = 4  # for each rank, so that they end together
 _EXTENSIONS = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff", ".exr", ".npy")
 
 
@@ -112,33 +113,45 @@ def _chosen(gaussian: str | None, butterworth: str | None, order: str | None, id
 
 def _filter_file(console: Console, comm: Comm, file: Path, output: Path | None, spectrum: Path | None, chosen: Filter | None,
                  options: dict[str, Any], memory: int, threads: int | None) -> None:  # fmt: skip
-    from luxel.filter.files import opened
-
     start = time.perf_counter()
     number = comm.threads(threads)
     if comm.rank:
-        if comm.share(None):
-            from luxel.cluster.fft import lowpass
-
-            lowpass(None, None, comm, **options, threads=number)
+        _help(comm, chosen, {**options, "threads": number})
         return
+    from luxel.filter.files import opened
+
     with opened(file, memory) as source, console.work("filtering") as report:
         height, width, channels = shape = source.array.shape
         whole = 4 * height * width * channels <= memory
-        comm.share(whole and chosen is not None)
-        if whole:
-            _in_memory(comm, source, output, spectrum, chosen, options, number)
-        else:
-            if spectrum is not None:
-                raise InputError(f"--spectrum: {width}x{height} is more than --memory holds")
+        if spectrum is not None and not whole:
+            raise InputError(f"--spectrum: {width}x{height} is more than --memory holds")
+        banded = chosen is not None and (not whole or (comm.size > 1 and chosen.kernel is not None and spectrum is None))
+        if banded:
             assert chosen is not None
             assert output is not None
-            _in_bands(source, output, chosen, options, number, memory, report)
+            _in_bands(comm, source, output, chosen, {**options, "threads": number, "memory": memory // (4 * comm.neighbours)}, report)
+        else:
+            comm.share("whole" if chosen is not None else None)
+            _in_memory(comm, source, output, spectrum, chosen, options, number)
     took = time.perf_counter() - start
     written = [str(path) for path in (output, spectrum) if path is not None]
     data = {"output": written, "size": [width, height], "channels": channels, "dtype": str(source.array.dtype), "in_memory": whole,
             "ranks": comm.size, "seconds": took}  # fmt: skip
     console.result(data, f"{', '.join(written)}  ({width}x{height}, {_plural(shape[2], 'channel')}; {seconds(took)})")
+
+
+def _help(comm: Comm, chosen: Filter | None, options: dict[str, Any]) -> None:
+    """What ranks other than the first do: their part of what rank 0 says."""
+    job = comm.share(None)
+    if job == "whole":
+        from luxel.cluster.fft import lowpass
+
+        lowpass(None, None, comm, **options)
+    elif job is not None:
+        from luxel.filter.streamed import Job, filtered_bands
+
+        for _ in filtered_bands(None, Job(**job, filter=chosen, **options), lambda done: None, comm.spread):  # type: ignore[arg-type]
+            pass
 
 
 def _plural(count: int, word: str) -> str:
@@ -173,11 +186,13 @@ def _write_spectrum(path: Path, before: Array, after: Array | None, threads: int
     write_png(path, picture)
 
 
-def _in_bands(source: Any, output: Path, chosen: Filter, options: dict[str, Any], threads: int, memory: int, report: Any) -> None:
+def _in_bands(comm: Comm, source: Any, output: Path, chosen: Filter, options: dict[str, Any], report: Any) -> None:
     from luxel.filter.files import Sink
-    from luxel.filter.streamed import filtered_bands
+    from luxel.filter.streamed import Job, filtered_bands
 
-    array = source.array
-    with Sink(output, array.shape, array.dtype, source.bits, threads) as sink:
-        for band in filtered_bands(array, chosen, **options, threads=threads, memory=memory // 4, progress=report):
+    shape = source.array.shape
+    with Sink(output, shape, source.array.dtype, source.bits, options["threads"]) as sink:
+        job = {"shape": shape, "dtype": sink.dtype, "memory": options.pop("memory"), "bands": _BANDS_EACH * comm.size if comm.size > 1 else 1}
+        comm.share(job)
+        for band in filtered_bands(source.array, Job(**job, filter=chosen, **options), report, comm.spread):
             sink.write(band)

@@ -15,7 +15,8 @@ from __future__ import annotations
 import os
 import sys
 import traceback
-from collections.abc import Iterator, Sequence
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
 from typing import Any
@@ -61,6 +62,13 @@ class Comm:
     def exchange(self, arrays: Sequence[Array]) -> list[Array]:
         """All to all: array k of rank r becomes array r of rank k. They share one dtype."""
         return list(arrays)
+
+    def spread(self, work: Callable[[int, Array], Array], items: Iterable[tuple[int, Array]]) -> Iterator[Array]:
+        """Rank 0 has items, numbers and arrays; `work(number, array)` is done by all ranks in turn, and rank 0 gets the results in order.
+
+        All ranks call this with the same work; the others have no items, and get no results. One item at a time is with each rank.
+        """
+        return (work(number, array) for number, array in items)
 
     def share_out(self, count: int) -> list[tuple[int, int]]:
         """(first, last + 1) of each rank, when `count` rows are shared evenly; some get none where there are more ranks than rows."""
@@ -122,6 +130,32 @@ class _Ranks(Comm):
         if out.size:
             self._comm.Recv(_bytes(out), rank)
         return out
+
+    def spread(self, work: Callable[[int, Array], Array], items: Iterable[tuple[int, Array]]) -> Iterator[Array]:
+        if self.rank:
+            while (number := self._comm.recv(source=0)) is not None:
+                self._send(work(number, self._receive(0)), 0)
+            return
+        left = iter(items)
+        out: deque[tuple[int, Any]] = deque()  # who has what, in order; rank 0 does its own while the others work
+
+        def give(rank: int) -> None:
+            item = next(left, None)
+            if item is not None and rank:
+                self._comm.send(item[0], rank)
+                self._send(item[1], rank)
+            if item is not None:
+                out.append((rank, None if rank else item))
+
+        for rank in range(self.size):
+            give(rank)
+        while out:
+            rank, own = out.popleft()
+            result = work(*own) if rank == 0 else self._receive(rank)
+            give(rank)
+            yield result
+        for rank in range(1, self.size):
+            self._comm.send(None, rank)
 
     def exchange(self, arrays: Sequence[Array]) -> list[Array]:
         shapes = self._comm.alltoall([array.shape for array in arrays])

@@ -150,13 +150,17 @@ def _by_bands(image: Array | None, filter: Filter | None, comm: Comm, border: st
         assert filter is not None
         assert filter.kernel is not None
         kernel = np.outer(*filter.taps) if filter.taps is not None else filter.kernel()
-        rows = border_map(len(image), filter.reach, filter.reach, border)
-        bands = [_taken(image, rows[first : last + 2 * filter.reach], value) for first, last in comm.share_out(len(image))]
-    taps, reach, kernel = comm.share((filter.taps, filter.reach, kernel) if filter is not None else None)
+    height, taps, reach, kernel = comm.share((len(image), filter.taps, filter.reach, kernel) if image is not None and filter is not None else None)
+    rows = border_map(height, reach, reach, border)
+    shares = comm.share_out(height)
+    if image is not None:
+        bands = [_taken(image, rows[first : last + 2 * reach], value) for first, last in shares]
     band = comm.deal(bands)
     own = Filter(None, taps, lambda: kernel, reach)
     if len(band) > 2 * reach:
-        band = apply(band, own, border, value, method if method != "dct" else "auto", threads)[reach : len(band) - reach]
+        first, last = shares[comm.rank]
+        out = apply(band, own, border, value, "auto" if method == "dct" else method, threads, rows[first : last + 2 * reach])
+        band = out[reach : len(out) - reach]
     else:
         band = band[:0]
     parts = comm.collect(band)

@@ -94,10 +94,7 @@ class Sink:
         self.extension = self.path.suffix.lower()
         if self.extension not in EXTENSIONS:
             raise InputError(f"expected a file name that ends in one of {', '.join(EXTENSIONS)}, got {str(path)!r}")
-        kind = np.dtype(dtype)  # type: ignore[call-overload]
-        self.dtype = kind if self.extension == ".npy" else np.dtype(np.float32 if self.extension == ".exr" else f"u{bits // 8}")
-        if self.extension not in (".png", ".npy", ".exr"):
-            self.dtype = np.dtype(np.uint8)
+        self.dtype = stored_dtype(self.path, dtype, bits)
         self._stack: Any = None
         self._rows: list[Array] = []
         self._stream: Any = None
@@ -116,11 +113,8 @@ class Sink:
         return self
 
     def write(self, rows: Array) -> None:
-        """Append (k, w, c) of linear light, float32 or float64."""
-        if self.dtype.kind == "u":
-            rows = light.encode(np.ascontiguousarray(rows, np.float32), self.dtype, True, self.threads)
-        else:
-            rows = rows.astype(self.dtype, copy=False)
+        """Append (k, w, c): linear light, float32 or float64, or numbers as they are stored (`encoded`)."""
+        rows = encoded(rows, self.dtype, self.threads)
         if self.extension == ".png":
             self._stream.write(rows)
         elif self.extension == ".npy":
@@ -145,6 +139,23 @@ def decoded(rows: Array, threads: int) -> Array:
     if rows.dtype.kind == "u":
         return light.decode(rows, True, threads)
     return np.ascontiguousarray(rows, np.float32 if rows.dtype.itemsize < 8 else np.float64)
+
+
+def encoded(rows: Array, dtype: Any, threads: int) -> Array:
+    """The inverse of `decoded`; rows that are stored as `dtype` already stay as they are."""
+    if dtype.kind == "u" and rows.dtype != dtype:
+        return light.encode(np.ascontiguousarray(rows, np.float32), dtype, True, threads)
+    return rows.astype(dtype, copy=False)
+
+
+def stored_dtype(path: Path, dtype: object, bits: int) -> Any:
+    """What a file of this name holds of a picture of `dtype`, with so many bits where it is a PNG."""
+    extension = path.suffix.lower()
+    if extension == ".npy":
+        return np.dtype(dtype)  # type: ignore[call-overload]
+    if extension == ".exr":
+        return np.dtype(np.float32)
+    return np.dtype(f"u{bits // 8}" if extension == ".png" else np.uint8)
 
 
 def kernel_file(path: Path, memory: int = 1 << 26) -> Array:
