@@ -19,6 +19,7 @@ from luxel.studies.study import HERE, Context
 
 UNIT = 2.0**-16
 _WIDTHS = (PAPER, Precision(16, 18), Precision(17, 17), LUXEL, Precision(18, 18), Precision(20, 20))
+_SHOWN = {"weight": "beta, gamma", "alpha": "alpha", "color": "colour"}
 _PICTURE = 1024 * SUBPIXEL
 
 
@@ -80,8 +81,8 @@ def sliver_corners(rng: np.random.Generator, count: int, width: int) -> Array:
 def searched(rng: np.random.Generator, count: int) -> Cases:
     """Made so that all roundings of beta are near their worst, and go one way: the hundredth that comes out worst.
 
-    The corners are (0, 0), (w, 0) and (0, h) and the place (x, y), so that beta is h x / h w. With h w just below a power of two, its reciprocal is just
-    above one; h x is just above one, half a place from the next float.
+    The corners are (0, 0), (w, 0) and (0, h) and the place (x, 1), so that beta is h x / h w. With h w just below a power of two, its reciprocal is
+    just above one; h x is just above one too, half a place from the next float.
     """
     h = rng.integers(1 << 15, 1 << 18, count)
     w = (1 << 36) // h - rng.integers(0, 4, count)
@@ -128,14 +129,15 @@ def widths(context: Context, report: Report) -> None:
         found = [measure(part, precision) for part in cases]
         limit = bounds(precision)
         row: dict[str, Any] = {"edge": precision.edge, "1 / area": precision.reciprocal, "source": HERE}
-        for name, what in (("weight", "beta, gamma"), ("alpha", "alpha"), ("color", "colour")):
+        for name, what in _SHOWN.items():
             row[f"{what}: bound"] = float(getattr(limit, name)) / UNIT
             row[f"{what}: found"] = max(float(getattr(errors, name).max()) for errors in found)
         row["weights within 2^-16"] = "yes" if limit.weight < UNIT else "no"
         rows.append(row)
     note = (
-        "Fraction bits of an edge function and of 1 / area; the rest is float24. Errors in units of 2^-16: beta and gamma relative, alpha absolute, colours absolute for "
-        "corners from 0 to 1. 16 and 16 is float24 throughout, as in the paper; 17 and 18 is what luxel has: one product of 18 by 18 bits and an addition."
+        "Fraction bits of an edge function and of 1 / area; the rest is float24. Errors in units of 2^-16: beta and gamma relative, alpha absolute, "
+        "colours absolute for corners from 0 to 1. 16 and 16 is float24 throughout, as in the paper; 17 and 18 is what luxel has: one product of "
+        "18 by 18 bits and an addition."
     )
     report.table("widths", "Precision by word length: what is sure, and the worst that was found", rows, note)
 
@@ -145,14 +147,14 @@ def families(context: Context, report: Report) -> None:
     rng = np.random.default_rng(3)
     rows, weights = [], {}
     for name, family in FAMILIES.items():
-        cases = family(rng, _count(context))
-        errors = measure(cases, LUXEL)
+        errors = measure(family(rng, _count(context)), LUXEL)
         weights[name] = errors.weight
-        for what, values in errors._asdict().items():
+        for (what, values), limit in zip(errors._asdict().items(), bounds(LUXEL)[1:], strict=True):
             shares = np.quantile(values, [0.5, 0.99, 0.9999])
-            row = {"triangles": name, "source": HERE, "error of": {"weight": "beta, gamma", "color": "colour"}.get(what, what), "fragments": len(values)}
-            rows.append(row | {"median": shares[0], "99 %": shares[1], "99.99 %": shares[2], "largest": values.max(),
-                               "bound": float(getattr(bounds(LUXEL), what)) / UNIT})  # fmt: skip
+            rows.append({
+                "triangles": name, "source": HERE, "error of": _SHOWN[what], "fragments": len(values), "median": shares[0], "99 %": shares[1],
+                "99.99 %": shares[2], "largest": values.max(), "bound": float(limit) / UNIT,
+            })  # fmt: skip
     note = "Units of 2^-16, as above. `searched` are triangles made so that every rounding of beta is near its worst, and all go one way."
     report.table("errors", "Errors by kind of triangle", rows, note)
     note = "Share of fragments whose larger relative error, of beta or gamma, is above x. Where a curve would reach the bound, there is nothing."
@@ -181,16 +183,18 @@ def area(context: Context, report: Report) -> None:
         theirs, ours = FLOAT32.to_float(area_in_float32(corners)), LUXEL.reciprocal_format.to_float(inverse_area(setup.area))
         off = np.abs(theirs / signed - 1)
         rows.append({
-            "width, pixels": 2 * width / SUBPIXEL, "source": HERE, "triangles": len(corners), "float32: wrong sign or zero, %": (theirs * signed <= 0).mean() * 100,
-            "float32: off by more than 2^-16, %": (off > UNIT).mean() * 100, "float32: largest error": off.max(),
+            "width, pixels": 2 * width / SUBPIXEL, "source": HERE, "triangles": len(corners),
+            "float32: wrong sign or zero, %": (theirs * signed <= 0).mean() * 100,
+            "float32: off by more than 2^-16, %": (off > UNIT).mean() * 100,
+            "float32: largest error": off.max(),
             "exact sum: largest error of 1 / area": np.abs(ours * setup.area - 1).max(),
         })  # fmt: skip
     note = (
-        "Triangles along lines up to 1024 pixels long, their corners up to half the width off. In float32 each of five sums and two products rounds; an exact sum is rounded once. "
-        "A wrong sign is a triangle that is drawn nowhere, or from its other side."
+        "Triangles along lines up to 1024 pixels long, their corners up to half the width off. In float32 each of five sums and two products "
+        "rounds; an exact sum is rounded once. A wrong sign is a triangle that is drawn nowhere, or from its other side."
     )
     report.table("area", "The area of slivers", rows, note)
-    with report.figure("area", "Largest error of the area", note) as axes:
+    with report.figure("area", "Largest error of the area") as axes:
         x = [row["width, pixels"] for row in rows]
         axes.loglog(x, [row["float32: largest error"] for row in rows], "o-", label="float32 throughout: area")
         axes.loglog(x, [row["exact sum: largest error of 1 / area"] for row in rows], "s-", label="exact sum: 1 / area")

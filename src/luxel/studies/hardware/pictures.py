@@ -13,7 +13,7 @@ from luxel.studies.report import Report
 from luxel.studies.study import HERE, Context
 
 _GREY = 0.08  # linear, behind
-_MAGNIFIED = 2.0**14
+_MAGNIFIED = 2.0**16
 _CUBE = np.array([[x, y, z] for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)], np.float64)
 _FACES = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5))
 
@@ -67,14 +67,16 @@ def shown(context: Context, report: Report) -> None:
         for precision in (LUXEL, PAPER):
             ours = drawn(*made, size, precision)
             apart, bytes_ours = np.abs(ours - exact), bytes_from_linear(np.maximum(ours, 0).astype(np.float32))
+            covered = (exact != _GREY).any(-1)
             rows.append({
-                "picture": name, "edge": precision.edge, "1 / area": precision.reciprocal, "source": HERE, "fragments": int((exact != _GREY).any(-1).sum()),
-                "largest error, 2^-16": apart.max() * 2**16, "RMS error, 2^-16": float(np.sqrt((apart[exact != _GREY] ** 2).mean())) * 2**16,
-                "bytes that differ, %": float((bytes_ours != bytes_exact).mean() * 100), "by at most": int(np.abs(bytes_ours.astype(int) - bytes_exact).max()),
+                "picture": name, "edge": precision.edge, "1 / area": precision.reciprocal, "source": HERE, "fragments": int(covered.sum()),
+                "largest error, 2^-16": apart.max() * 2**16, "RMS error, 2^-16": np.sqrt((apart[covered] ** 2).mean()) * 2**16,
+                "bytes that differ, %": (bytes_ours != bytes_exact)[covered].mean() * 100,
+                "by at most": int(np.abs(bytes_ours.astype(int) - bytes_exact).max()),
             })  # fmt: skip
             panels += [bytes_ours, (np.clip(apart * _MAGNIFIED, 0, 1) * 255).astype(np.uint8)]
         image = np.concatenate([panels[0], bytes_exact, panels[1], panels[3]], 1)
-        note = f"From left to right: by the model; exact; their difference times {_MAGNIFIED:,.0f}; the same of float24 throughout. White is 2^-14."
+        note = f"From left to right: by the model; exact; their difference times {_MAGNIFIED:,.0f}; the same of float24 throughout. White is 2^-16."
         report.picture(name, f"A smooth-shaded {name}", image, note)
     report.table("pictures", "Pictures beside exact ones", rows, "Bytes are sRGB.")
 
@@ -89,10 +91,11 @@ def blocks_row(rng: np.random.Generator, side: float, count: int) -> dict[str, o
         tried, rejected, accepted = tried + len(found.x), rejected + int(found.rejected.sum()), accepted + int(found.accepted.sum())
         empty, fragments = empty + int((~found.rejected).sum()) - held, fragments + len(seen.x)
     walked = tried - rejected
+    shares = {"rejected, %": rejected, "accepted, %": accepted, "kept in vain, %": empty}
     return {
-        "up to, pixels": side, "source": HERE, "triangles": count, "fragments each": fragments / count, "blocks each": tried / count, "rejected, %": 100 * rejected / max(tried, 1),
-        "accepted, %": 100 * accepted / max(tried, 1), "kept in vain, %": 100 * empty / max(tried, 1), "fragments a kept block": fragments / max(walked, 1),
-        "fragments a block tried": fragments / max(tried, 1),
+        "up to, pixels": side, "source": HERE, "triangles": count, "fragments each": fragments / count, "blocks each": tried / count,
+        **{name: 100 * number / tried for name, number in shares.items()},
+        "fragments a kept block": fragments / walked, "fragments a block tried": fragments / tried,
     }  # fmt: skip
 
 
@@ -102,7 +105,7 @@ def blocks_table(context: Context, report: Report) -> None:
     count = 60 if context.quick else 400
     rows = [blocks_row(rng, side, count) for side in (2, 4, 8, 16, 32, 64, 128, 256)]
     note = (
-        "Blocks of 8 x 8 pixels that the bounding box touches. Rejected: all centres lie beyond one edge; accepted: all lie inside. Where a block tried has more than one fragment on "
-        "average, a circuit that tries one block a clock keeps a pipeline of one fragment a clock busy."
+        "Blocks of 8 x 8 pixels that the bounding box touches. Rejected: all centres lie beyond one edge; accepted: all lie inside. Where a block "
+        "tried has more than one fragment on average, a circuit that tries one block a clock keeps a pipeline of one fragment a clock busy."
     )
     report.table("blocks", "Scan conversion over blocks", rows, note)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -38,9 +39,9 @@ def _format_row(name: str, form: Format) -> dict[str, Any]:
         "exponent": form.exponent,
         "fraction": form.fraction,
         "bias": form.bias,
-        "smallest": float(form.to_float(1 << form.fraction)),
-        "largest": float(form.to_float(form.largest)),
-        "rounding, relative": 2.0 ** -(form.fraction + 1),
+        "smallest": f"2^{1 - form.bias}",
+        "largest": f"2^{form.highest - form.bias} (2 - 2^-{form.fraction})",
+        "rounding, relative": f"2^-{form.fraction + 1}",
     }
 
 
@@ -53,8 +54,9 @@ def smallest_tables(context: Context, report: Report) -> None:
     if context.quick:  # the search takes ten seconds; what it finds is written down
         rows.append(_table_row(23, 7, WIDE))
     note = (
-        "Quadratics C - B t + A t^2 on 2^m segments of the mantissa, every mantissa tried. `best` is the error of quadratics with exact coefficients, "
-        "rounded: 1/2 + 2^(n - 3m - 4) units. Where that is not below 1, there is no table, whatever its words; each doubling of the segments gains 3 bits."
+        "Quadratics C - B t + A t^2 on 2^m segments of the mantissa, every mantissa tried. `best` is the error with exact coefficients: "
+        "1/2 + 2^(n - 3m - 4) units. Where it is 1 or more, no table will do, whatever its words. Each doubling of the segments gains 3 bits. "
+        "Errors are cut, not rounded: all are below 1."
     )
     report.table("reciprocal", "The smallest table that gives one unit in the last place", rows, note)
 
@@ -69,10 +71,15 @@ def _table_row(fraction: int, m: int, words: Words | None) -> dict[str, Any]:
         "C + B + A": f"{words.c} + {words.b} + {words.a}",
         "square": words.square,
         "table bits": words.bits,
-        "largest error, ulp": float(errors.max()),
+        "largest error, ulp": _cut(errors.max()),
         "correctly rounded, %": float((errors <= 0.5).mean() * 100),
         "monotone": "yes" if _monotone(made) else "no",
     }
+
+
+def _cut(error: float) -> float:
+    """To four digits, downwards: 0.99998 must not be shown as 1."""
+    return math.floor(error * 1e4) / 1e4
 
 
 def _monotone(made: Table) -> bool:
@@ -83,15 +90,15 @@ def _monotone(made: Table) -> bool:
 def bits_and_error(context: Context, report: Report) -> None:
     """Bits of the table against its error, for 16 fraction bits: what longer words buy."""
     segments = (5, 6) if context.quick else (5, 6, 7)
-    note = "16 fraction bits. Each point is one choice of word lengths; the line joins those that no other one beats. Half a unit would be correct rounding."
+    note = "16 fraction bits. Each point is one choice of word lengths; a line joins those that no other one beats. Half a unit is correct rounding."
     rows = []
     with report.figure("table_bits", "Table bits against the largest error", note) as axes:
         for m in segments:
             found = sorted(_pairs(m))
-            axes.plot(*zip(*found, strict=True), ".", markersize=3, alpha=0.4)
             front = [point for i, point in enumerate(found) if all(point[1] < other[1] for other in found[:i])]
-            axes.plot(*zip(*front, strict=True), "o-", markersize=4, label=f"{1 << m} segments")
-            rows += [{"segments m": m, "source": HERE, "table bits": bits, "largest error, ulp": error} for bits, error in front]
+            (line,) = axes.plot(*zip(*front, strict=True), "o-", markersize=4, label=f"{1 << m} segments")
+            axes.plot(*zip(*found, strict=True), ".", markersize=3, alpha=0.4, color=line.get_color())
+            rows += [{"segments m": m, "source": HERE, "table bits": bits, "largest error, ulp": _cut(error)} for bits, error in front]
         axes.plot(SMALL.bits, np.abs(table(SMALL).errors()).max(), "k*", markersize=12, label="taken")
         axes.set_xscale("log", base=2)
         axes.set_xlabel("bits")
