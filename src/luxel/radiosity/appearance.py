@@ -13,6 +13,7 @@ import numpy as np
 
 from luxel import jit
 from luxel.arrays import Array
+from luxel.radiosity.texture_space import Texels
 from luxel.raster.channels import BATCH, CR, EMR, FRAGMENTS, FRONT, MODEL, NX, NY, NZ, PITCH, U0, U0X, U0Y, U1, U1X, U1Y
 from luxel.raster.fragments import find_part
 from luxel.raster.geometry import Geometry
@@ -74,8 +75,8 @@ def lay(luxel, a, b, c, s1, s2, positions, normals, position, normal, face):
 
 
 @jit.part
-def solid_share(row, table, geometry, a, b, c, s1, s2, gradient):
-    """How much of a luxel its alpha mask leaves, looked up at 16 places of the texel that lie in the triangle, and in the middle."""
+def solid_share(row, table, geometry, a, b, c, s1, s2, gradient, whole):
+    """How much of a luxel its alpha mask leaves, looked up at 16 places of the texel: all if it is `whole`, else those in the triangle."""
     seen, solid = 0, 0
     texcoords, texcoords1, colors = geometry.texcoords, geometry.texcoords1, geometry.colors
     u0 = v0 = u1 = v1 = _F(0.0)
@@ -84,7 +85,7 @@ def solid_share(row, table, geometry, a, b, c, s1, s2, gradient):
         if place == _SIDE * _SIDE:
             x = y = _F(0.0)
         t1, t2 = s1 + x * gradient[0] + y * gradient[2], s2 + x * gradient[1] + y * gradient[3]
-        if min(t1, min(t2, _F(1.0) - t1 - t2)) >= _F(-1e-6) and (place < _SIDE * _SIDE or seen == 0):
+        if seen == 0 if place == _SIDE * _SIDE else whole or min(t1, min(t2, _F(1.0) - t1 - t2)) >= _F(-1e-6):
             if len(texcoords) > 0:
                 u0, v0 = mixed(texcoords, 0, a, b, c, t1, t2), mixed(texcoords, 1, a, b, c, t1, t2)
             if len(texcoords1) > 0:
@@ -98,7 +99,7 @@ def solid_share(row, table, geometry, a, b, c, s1, s2, gradient):
 
 
 @jit.parallel_kernel
-def _appear(queue, geometry, table, rich, triangle, corner1, corner2, gradients, position, normal, face, albedo, emission, share):
+def _appear(queue, geometry, table, rich, triangle, corner1, corner2, coverage, gradients, position, normal, face, albedo, emission, share):
     g, material = np.zeros(BATCH, np.float32), np.zeros(FRAGMENTS + 1, np.int32)
     starts, triangles = geometry.part_start, geometry.triangles
     batch = jit.take(queue)
@@ -119,7 +120,9 @@ def _appear(queue, geometry, table, rich, triangle, corner1, corner2, gradients,
                 texture_place(g, i, U0, U0X, U0Y, geometry.texcoords, a, b, c, s1, s2, gradient)
             if flags & NEEDS_UV1:
                 texture_place(g, i, U1, U1X, U1Y, geometry.texcoords1, a, b, c, s1, s2, gradient)
-            share[first + i] = solid_share(row, table, geometry, a, b, c, s1, s2, gradient) if flags & ALPHA_MASK else _F(1.0)
+            share[first + i] = _F(1.0)
+            if flags & ALPHA_MASK:
+                share[first + i] = solid_share(row, table, geometry, a, b, c, s1, s2, gradient, coverage[first + i] > _F(0.999))
         surface(g, material, n, table, rich)
         for i in range(n):
             glows = np.int32(g[MODEL + i]) & EMISSIVE != 0
@@ -129,17 +132,15 @@ def _appear(queue, geometry, table, rich, triangle, corner1, corner2, gradients,
         batch = jit.take(queue)
 
 
-def appearance(geometry: Geometry, table: MaterialTable, triangle: Array, corner1: Array, corner2: Array, gradients: Array,
-               threads: int) -> Appearance:  # fmt: skip
+def appearance(geometry: Geometry, table: MaterialTable, texels: Texels, gradients: Array, threads: int) -> Appearance:
     """Evaluate luxels.
 
     Args:
         geometry, table: The scene.
-        triangle: (n,) int32.
-        corner1, corner2: (n,) float32, where in it: barycentric coordinates of its corners 1 and 2.
-        gradients: (m, 4) float32, from `texture_gradients`.
+        texels: Of all pages, with triangles of the geometry.
+        gradients: (m, 4) float32: what barycentric coordinates 1 and 2 of each triangle gain by a texel to the right, and by one down.
     """
-    n = len(triangle)
+    n = len(texels.triangle)
     made = Appearance(*(np.empty((n, 3) if name != "share" else n, np.float32) for name in Appearance._fields))
-    jit.run(_appear, threads, geometry, table, True if table.rich else None, triangle, corner1, corner2, gradients, *made)
+    jit.run(_appear, threads, geometry, table, True if table.rich else None, *texels[1:4], texels.coverage, gradients, *made)
     return made
