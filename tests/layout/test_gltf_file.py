@@ -175,6 +175,51 @@ def test_a_folder_of_its_own(tmp_path):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a data.bin", "a.gltf", "b.bin", "b.gltf", "out", "textures"]
 
 
+def with_chunk(path, kind, data):
+    """Append a chunk to a GLB."""
+    raw = bytearray(path.read_bytes())
+    raw += len(data).to_bytes(4, "little") + kind + data + b"\0" * (-len(data) % 4)
+    raw[8:12] = len(raw).to_bytes(4, "little")
+    path.write_bytes(raw)
+    return path
+
+
+def test_chunks_that_luxel_does_not_know_stay(tmp_path):
+    a = with_chunk(with_chunk(everything().save(tmp_path / "a.glb"), b"XTRA", b"keep me"), b"MORE", b"")
+    laid(a, tmp_path / "b.glb")
+    kept = [(kind.to_bytes(4, "little"), data.tobytes()) for kind, data in Document(tmp_path / "b.glb").chunks]
+    assert kept == [(b"XTRA", b"keep me"), (b"MORE", b"")]
+    assert "chunks" in rest_differs(a, everything().save(tmp_path / "c.glb"))
+    with pytest.warns(luxel.LuxelWarning, match="only a .glb can hold are dropped: 'XTRA', 'MORE'"):
+        laid(a, tmp_path / "d.gltf")
+
+
+def test_bytes_that_no_view_names_are_told(tmp_path):
+    b = everything()
+    b.data.extend(b"\0\0\0secret")
+    with pytest.warns(luxel.LuxelWarning, match="9 bytes of buffer 0 that no buffer view names are dropped"):
+        laid(b.save(tmp_path / "a.glb"), tmp_path / "b.glb")
+
+
+@pytest.mark.parametrize("name", ["b.gltf", "b.glb"])
+def test_a_buffer_that_no_view_names(tmp_path, recwarn, name):
+    """It stays as a file; a .glb has no place for it."""
+    path = everything().save(tmp_path / "a.gltf")
+    data = json.loads(path.read_text())
+    data["buffers"].insert(0, {"uri": "unknown.bin", "byteLength": 7})
+    (tmp_path / "unknown.bin").write_bytes(b"unknown")
+    for view in data["bufferViews"]:
+        view["buffer"] = 1
+    path.write_text(json.dumps(data))
+    laid(path, tmp_path / name)
+    told = [str(warning.message) for warning in recwarn]
+    if name == "b.glb":
+        assert any("7 bytes of buffer 0 that no buffer view names are dropped" in text for text in told)
+    else:
+        assert Document(tmp_path / name).buffer(0, "")[:7].tobytes() == b"unknown"
+        assert not any("dropped" in text for text in told)
+
+
 def test_data_uris_stay(tmp_path):
     import base64
 

@@ -118,7 +118,7 @@ def _scan(lines: _Lines, library: Library, where: str) -> tuple[dict[bytes, list
                 elif key == b"usemtl":
                     material = lines.rest(line) or None
                 elif key == b"mtllib":
-                    for library_name in _library_names(lines.rest(line), library.folder):
+                    for library_name in library_names(lines.rest(line), library.folder):
                         library.read(library_name)
                 elif key in (b"l", b"p"):
                     points = True
@@ -131,7 +131,7 @@ def _scan(lines: _Lines, library: Library, where: str) -> tuple[dict[bytes, list
     return vertices, list(parts.values())
 
 
-def _library_names(text: str, folder: Path) -> list[str]:
+def library_names(text: str, folder: Path) -> list[str]:
     """One name that may hold blanks if such a file is there (or it names no second .mtl), else several."""
     several = re.findall(r"\S+\.mtl", text, re.IGNORECASE)
     return several if len(several) > 1 and not (folder / text).exists() else [text]
@@ -187,7 +187,7 @@ def _positions(table: Array) -> tuple[Array, Array | None]:
     return table[:, :3], colors
 
 
-def _corners(lines: _Lines, where: str, runs: list[tuple[int, int]]) -> tuple[Array, Array]:
+def face_corners(lines: _Lines, where: str, runs: list[tuple[int, int]]) -> tuple[Array, Array]:
     """Corners of each face line (f,), and what all corners (k, 3) name of v, vt and vn, as written; 0 where left out."""
     text = lines.block(runs, b"f")
     counts = words_per_line(text)
@@ -209,8 +209,8 @@ def _corners(lines: _Lines, where: str, runs: list[tuple[int, int]]) -> tuple[Ar
 
 
 def _resolved(tables: _Tables, runs: list[tuple[int, int]]) -> tuple[Array, Array]:
-    """As `_corners`, counted from 0: relative indices made absolute; below 0 where left out."""
-    counts, references = _corners(tables.lines, tables.where, runs)
+    """As `face_corners`, counted from 0: relative indices made absolute; below 0 where left out."""
+    counts, references = face_corners(tables.lines, tables.where, runs)
     if references.size and int(references.min()) < 0:
         line = np.concatenate([np.arange(a, b) for a, b in runs])
         for k, key in enumerate(_VERTEX_KEYS):

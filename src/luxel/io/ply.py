@@ -37,7 +37,7 @@ _DTYPES = {
     "uint64": "u8",
 }
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
-_INDEX_NAMES = ("vertex_indices", "vertex_index")
+INDEX_NAMES = ("vertex_indices", "vertex_index")
 _TEXCOORD_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
 _LONGEST_HEADER = 1 << 20
 
@@ -45,7 +45,7 @@ _LONGEST_HEADER = 1 << 20
 def load(path: Path) -> Scene:
     """A scene of one mesh. Vertex colours are decoded from sRGB; texture coordinates are turned to glTF's v = 0 at the top."""
     with open_plain(path) as file:
-        order, elements, texture = _read_header(file, path.name)
+        order, elements, texture = read_header(file, path.name)
         read = binary_reader(file, path) if order else ascii_reader(file, path)
         columns: dict[str, Columns] = {}
         for element in elements:
@@ -65,8 +65,12 @@ def load(path: Path) -> Scene:
     return scene
 
 
-def _read_header(file: IO[bytes], where: str) -> tuple[str, list[Element], str]:
-    """Byte order ("" for ASCII), the elements, the texture's file name ("" for none); leaves `file` at the data."""
+def read_header(file: IO[bytes], where: str) -> tuple[str, list[Element], str]:
+    """Byte order ("" for ASCII), the elements, the texture's file name ("" for none); leaves `file` at the data.
+
+    Raises:
+        FileError: It is no header of a PLY.
+    """
     head = file.read(_LONGEST_HEADER)
     match = re.search(rb"(?m)^end_header[ \t]*(\r\n|\r|\n|\Z)", head)
     if not re.match(rb"ply\s", head) or not match:
@@ -136,7 +140,7 @@ def _triangles(where: str, columns: dict[str, Columns], positions: Array) -> tup
     """Triangles (m, 3), the vertex at each of their corners (3 m,), and texture coordinates (3 m, 2) if corners have their own."""
     strips = columns.get("tristrips", {}).get("vertex_indices")
     if isinstance(strips, Lists):
-        flat = _integers(strips.values, f"{where}, element tristrips")
+        flat = integers(strips.values, f"{where}, element tristrips")
         cuts = np.flatnonzero(flat == -1)
         ends = np.union1d(cuts, np.cumsum(strips.counts))
         parts = [strip(part[part >= 0]) for part in np.split(flat, ends)]
@@ -145,12 +149,12 @@ def _triangles(where: str, columns: dict[str, Columns], positions: Array) -> tup
     face = columns.get("face", {})
     if "red" in face:
         tell(where, "colours of faces are ignored")
-    lists = next((face[name] for name in _INDEX_NAMES if isinstance(face.get(name), Lists)), None)
+    lists = next((face[name] for name in INDEX_NAMES if isinstance(face.get(name), Lists)), None)
     if lists is None:
         if face:
             raise FileError(f"{where}, element face", "expected a list property vertex_indices")
         return np.zeros((0, 3), np.int32), np.zeros(0, np.int32), None
-    flat = _integers(lists.values, f"{where}, element face")
+    flat = integers(lists.values, f"{where}, element face")
     uv = face.get("texcoord")
     texcoords = uv.values.reshape(-1, 2) if isinstance(uv, Lists) and np.array_equal(uv.counts, 2 * lists.counts) else None
     if len(flat) == 3 * len(lists.counts) and (lists.counts == 3).all():
@@ -164,7 +168,12 @@ def _triangles(where: str, columns: dict[str, Columns], positions: Array) -> tup
     return triangles.reshape(-1, 3), triangles, None if texcoords is None else texcoords[cut]
 
 
-def _integers(values: Array, at: str) -> Array:
+def integers(values: Array, at: str) -> Array:
+    """Vertex indices as whole numbers; some writers store them as floats.
+
+    Raises:
+        FileError: One is not finite, or not below 2^53; `at` says where.
+    """
     if values.dtype.kind == "f":
         if not (np.isfinite(values) & (np.abs(values) < 2**53)).all():
             raise FileError(at, "vertex indices that are not finite numbers")

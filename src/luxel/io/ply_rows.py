@@ -46,7 +46,7 @@ class Lists:
 Columns = dict[str, Any]  # an array (rows,) for a scalar property, Lists for a list
 
 
-def _fields(element: Element, counts: dict[str, int]) -> tuple[np.dtype[Any], list[int]]:
+def row_fields(element: Element, counts: dict[str, int]) -> tuple[np.dtype[Any], list[int]]:
     """The dtype of a row when the lists have `counts` values each, and which fields are list lengths."""
     fields: list[Any] = []
     lengths = []
@@ -71,7 +71,7 @@ def binary_reader(file: IO[bytes], path: Path) -> Callable[[Element], Columns]:
         if element.rows * least > left:
             raise FileError(at, f"{element.rows} rows take at least {element.rows * least} bytes, {left} are left")
         counts, begin = _first_counts(file, element), file.tell()
-        dtype, lengths = _fields(element, counts)
+        dtype, lengths = row_fields(element, counts)
         columns = _read_rows(file, element, dtype, lengths, counts) if element.rows * dtype.itemsize <= left else None
         if columns is None:
             file.seek(begin)

@@ -19,7 +19,7 @@ from luxel.errors import FileError, LuxelError, UnsupportedError
 from luxel.io.files import tell
 from luxel.io.gltf.accessors import read
 from luxel.io.gltf.document import Document, Part
-from luxel.io.gltf.geometry import _triangles
+from luxel.io.gltf.geometry import primitive_triangles
 from luxel.layout.clean import vertex_rows
 from luxel.layout.gltf_pack import Package, Piece, base, dense, element_size, sparse_rows
 from luxel.layout.measure import Draw
@@ -160,7 +160,7 @@ def _used_elsewhere(document: Document) -> set[int]:
 def _indices(document: Document, primitive: _Primitive, count: int) -> Array:
     """(m, 3) int32 triangles; (k,) int64 for points and lines."""
     if primitive.mode in _LISTS:
-        faces = _triangles(document, primitive.part, count, primitive.mode)
+        faces = primitive_triangles(document, primitive.part, count, primitive.mode)
         if len(faces) and not 0 <= int(faces.min()) <= int(faces.max()) < count:
             raise FileError(primitive.part.where, f"index {int(faces.max())} of {count} vertices")
         return faces
@@ -366,7 +366,13 @@ def rest_differs(before: Path, after: Path) -> str | None:
     for index in sorted(_used_elsewhere(old)):
         if not np.array_equal(dense(old, index, old.where), dense(new, index, new.where)):
             return f"accessor {index} is not the same"
+    if before.suffix.lower() == after.suffix.lower() and not _same_chunks(old, new):
+        return "chunks beside JSON and the binary buffer are not the same"
     return _pictures_differ(old, new)
+
+
+def _same_chunks(old: Document, new: Document) -> bool:
+    return [(kind, data.tobytes()) for kind, data in old.chunks] == [(kind, data.tobytes()) for kind, data in new.chunks]
 
 
 def _bare(mesh: dict[str, Any]) -> dict[str, Any]:

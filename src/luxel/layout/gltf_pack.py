@@ -10,6 +10,7 @@ import base64
 import copy
 import json
 import mimetypes
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ import numpy as np
 from luxel.arrays import Array
 from luxel.errors import FileError
 from luxel.io.files import atomic_write, tell
-from luxel.io.gltf.accessors import _strided, sparse_parts
+from luxel.io.gltf.accessors import sparse_parts, strided
 from luxel.io.gltf.document import Document, Part, file_name
 
 _COMPONENT = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
@@ -74,7 +75,7 @@ def sparse_rows(document: Document, sparse: Part, count: int, size: int) -> tupl
 
 
 def _bytes(document: Document, part: Part, count: int, size: int) -> Array:
-    return _strided(document, part, part.integer("bufferView"), part.integer("byteOffset", 0), count, np.dtype(np.uint8), size)
+    return strided(document, part, part.integer("bufferView"), part.integer("byteOffset", 0), count, np.dtype(np.uint8), size)
 
 
 @dataclass
@@ -151,10 +152,14 @@ class Package:
         self._repack()
         binary = path.suffix.lower() == ".glb"
         self._pictures(path, home, binary)
+        self._tell_unnamed(binary)
         buffers = self._buffers(binary)
         if binary:
-            _save_glb(path, self.json, buffers[0] if buffers else b"")
+            _save_glb(path, self.json, buffers[0] if buffers else b"", self.document.chunks)
             return
+        if self.document.chunks:
+            names = ", ".join(repr(kind.to_bytes(4, "little"))[1:] for kind, _ in self.document.chunks)
+            tell(self.document.where, f"chunks that only a .glb can hold are dropped: {names}")
         entries = self.json.get("buffers", [])
         files: dict[Path, bytes] = {}
         for i, data in buffers.items():
@@ -176,12 +181,14 @@ class Package:
         old = self.document
         out: dict[int, bytearray] = {}
         written: dict[tuple[int, int, int], int] = {}
+        named = {int(view.get("buffer", 0)) for view in old.data.get("bufferViews", [])}
+        usual = min((i for i in named if self._stored(i)), default=0)  # for data that is new
         for i, view in enumerate(views):
             packed = next((view.get("extensions", {}).get(name) for name in _PACKED if name in view.get("extensions", {})), None)
             holder = view if packed is None or i in self._fresh else packed
-            home = 0 if merged else int(holder.get("buffer", 0))
+            home = 0 if merged else int(holder.get("buffer", usual))
             if i in self._fresh:
-                home = 0 if merged or not self._stored(home) else home
+                home = 0 if merged else home if self._stored(home) else usual
                 data, key = self._fresh[i], None
             else:
                 data = old.span(Part(f"{old.where}, buffer view {i}", holder)).tobytes()
@@ -195,8 +202,26 @@ class Package:
                 if key is not None:
                     written[key] = place
             holder["buffer"], holder["byteOffset"], holder["byteLength"] = home, place, len(data)
+        for i in range(0 if merged else old.count("buffers")):
+            if i not in out and self._stored(i):
+                out[i] = bytearray(old.buffer(i, old.where).tobytes())  # whatever asks for it: an extension that luxel does not know
         self._entries(entries, out, merged)
         return {i: bytes(data) for i, data in out.items()}
+
+    def _tell_unnamed(self, merged: bool) -> None:
+        """Say which bytes of the input go, because no buffer view names them; a buffer of which none names any stays where buffers do."""
+        named: dict[int, list[tuple[int, int]]] = {}
+        for view in self.document.data.get("bufferViews", []):
+            holders = [view, *(packed for key in _PACKED if (packed := view.get("extensions", {}).get(key)) is not None)]
+            for holder in holders:
+                start = int(holder.get("byteOffset", 0))
+                named.setdefault(int(holder.get("buffer", 0)), []).append((start, start + int(holder["byteLength"])))
+        for i in range(self.document.count("buffers")):
+            if not self._stored(i) or (i not in named and not merged):
+                continue
+            lost = _unnamed(self.document.buffer(i, self.document.where), named.get(i, []))
+            if lost:
+                tell(self.document.where, f"{lost} bytes of buffer {i} that no buffer view names are dropped")
 
     def _stored(self, index: int) -> bool:
         """Whether a buffer of the input has bytes of its own; one that only stands for decompressed data has none."""
@@ -252,6 +277,16 @@ class Package:
             (path.parent / name).parent.mkdir(parents=True, exist_ok=True)
             with atomic_write(path.parent / name) as file:
                 file.write(data)
+
+
+def _unnamed(data: Array, spans: list[tuple[int, int]]) -> int:
+    """Bytes of a buffer outside all `spans`, without the zeros that align them."""
+    lost, end = 0, 0
+    for start, stop in [*sorted(spans), (len(data), len(data))]:
+        gap = data[end:start] if start > end else data[:0]
+        lost += len(gap) if gap.any() else 0
+        end = max(end, stop)
+    return lost
 
 
 def _forget(data: dict[str, Any], extension: str) -> None:
@@ -320,15 +355,18 @@ def _json(data: dict[str, Any]) -> bytes:
         return json.dumps(data, separators=(",", ":")).encode()
 
 
-def _save_glb(path: Path, data: dict[str, Any], binary: bytes) -> None:
+def _save_glb(path: Path, data: dict[str, Any], binary: bytes, others: Sequence[tuple[int, Array]]) -> None:
+    """A GLB: JSON, the binary buffer if there is one, and what other chunks the input had."""
     text = _json(data)
     text += b" " * (-len(text) % 4)
     binary += b"\0" * (-len(binary) % 4)
     chunks = [(len(text), b"JSON", text)] + ([(len(binary), b"BIN\0", binary)] if binary else [])
-    total = 12 + sum(8 + size for size, _, _ in chunks)
+    for kind, extra in others:
+        chunks.append((len(extra), kind.to_bytes(4, "little"), extra.tobytes() + b"\0" * (-len(extra) % 4)))
+    total = 12 + sum(8 + len(body) for _, _, body in chunks)
     if total >= 1 << 32:
         raise FileError(path, f"a GLB holds less than 4 GiB, this is {total} bytes; write .gltf")
     with atomic_write(path) as file:
         file.write(b"glTF" + np.array([2, total], "<u4").tobytes())
-        for size, kind, body in chunks:
-            file.write(np.uint32(size).astype("<u4").tobytes() + kind + body)
+        for size, name, body in chunks:
+            file.write(np.uint32(size).astype("<u4").tobytes() + name + body)

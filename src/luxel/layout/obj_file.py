@@ -18,7 +18,7 @@ import numpy as np
 from luxel.arrays import Array
 from luxel.errors import FileError
 from luxel.io.files import atomic_write, read_bytes, tell
-from luxel.io.obj import _corners, _library_names
+from luxel.io.obj import face_corners, library_names
 from luxel.io.polygons import triangulate, unify
 from luxel.io.text import parse, table_lines, words_per_line
 from luxel.layout.clean import vertex_rows
@@ -35,7 +35,7 @@ _STATE = {b"g", b"o", b"usemtl", b"s", b"mtllib"}
 
 
 class _Faces:
-    """What `luxel.io.obj._corners` asks of its lines."""
+    """What `luxel.io.obj.face_corners` asks of its lines."""
 
     def __init__(self, lines: list[bytes], numbers: list[int]) -> None:
         self.text = b"".join(lines[i].split(b"#")[0].strip()[1:] + b"\n" for i in numbers)
@@ -117,7 +117,7 @@ class Content:
         self.counts, self.corners = np.zeros(0, np.int64), np.zeros((0, 3), np.int64)
         if numbers:
             faces: Any = _Faces(self.lines, numbers)
-            self.counts, self.corners = _corners(faces, self.where, [(i, i + 1) for i in numbers])
+            self.counts, self.corners = face_corners(faces, self.where, [(i, i + 1) for i in numbers])
             self._resolve(np.repeat(np.array(numbers), self.counts))
         sizes = np.array([len(run.lines) for run in self.runs], np.int64)
         cut = triangulate(self.counts, np.maximum(self.corners[:, 0], 0), self.tables[b"v"][:, :3])
@@ -280,7 +280,7 @@ def _pattern(vt: bool, vn: bool) -> tuple[str, list[int]]:
 
 def _bring_library(source: Path, target: Path, names: str) -> None:
     """Copy material libraries, and the pictures they name, from one folder to another."""
-    for name in _library_names(names, source):
+    for name in library_names(names, source):
         tail = name.replace("\\", "/")
         found = next((each for each in (tail, tail.rsplit("/", 1)[-1]) if _inside(each) and (source / each).is_file()), None)
         if found is None:

@@ -16,15 +16,15 @@ import numpy as np
 from luxel.arrays import Array
 from luxel.errors import FileError
 from luxel.io.files import atomic_write, open_plain
-from luxel.io.ply import _INDEX_NAMES, _integers, _read_header
-from luxel.io.ply_rows import Columns, Element, Lists, Property, _fields, ascii_reader, binary_reader
+from luxel.io.ply import INDEX_NAMES, integers, read_header
+from luxel.io.ply_rows import Columns, Element, Lists, Property, ascii_reader, binary_reader, row_fields
 from luxel.io.polygons import strip, triangulate
 from luxel.layout.clean import vertex_rows
 from luxel.layout.measure import Draw
 from luxel.layout.optimize import Options, Progress, Report, lay_out, tell_polygons
 from luxel.layout.same import Soup
 
-_NAMES_VERTICES = ("vertex1", "vertex2", *_INDEX_NAMES)
+_NAMES_VERTICES = ("vertex1", "vertex2", *INDEX_NAMES)
 
 
 class Content:
@@ -43,7 +43,7 @@ class Content:
     def __init__(self, path: Path) -> None:
         self.where = path.name
         with open_plain(path) as file:
-            self.order, self.elements, _ = _read_header(file, path.name)
+            self.order, self.elements, _ = read_header(file, path.name)
             end = file.tell()
             file.seek(0)
             self.header = file.read(end).decode("utf-8", "surrogateescape").splitlines()[:-1]
@@ -60,11 +60,11 @@ class Content:
         self.strips = isinstance(self.columns.get("tristrips", {}).get("vertex_indices"), Lists)
         self.faces = self._element("tristrips" if self.strips else "face")
         columns = self.columns.get("tristrips" if self.strips else "face", {})
-        self.index = "vertex_indices" if self.strips else next((n for n in _INDEX_NAMES if isinstance(columns.get(n), Lists)), "")
+        self.index = "vertex_indices" if self.strips else next((n for n in INDEX_NAMES if isinstance(columns.get(n), Lists)), "")
         if columns and not self.index:
             raise FileError(f"{self.where}, element face", "expected a list property vertex_indices")
         lists = columns.get(self.index, Lists(np.zeros(0, np.int64), np.zeros(0, np.int64)))
-        flat = _integers(lists.values, f"{self.where}, element face").astype(np.int64)
+        flat = integers(lists.values, f"{self.where}, element face").astype(np.int64)
         counts = np.asarray(lists.counts, np.int64)
         if self.strips:
             self.flat, self.corners = _strip_corners(flat, counts)
@@ -263,7 +263,7 @@ def _write_binary(file: IO[bytes], element: Element, columns: Columns) -> None:
     lists = [p for p in element.properties if p.count is not None]
     lengths = {p.name: int(columns[p.name].counts[0]) for p in lists}
     if all((columns[name].counts == length).all() for name, length in lengths.items()):
-        dtype, heads = _fields(element, lengths)
+        dtype, heads = row_fields(element, lengths)
         rows = np.empty(element.rows, dtype)
         field = 0
         for prop in element.properties:

@@ -36,7 +36,7 @@ def read(document: Document, index: int, asked_by: str, *, types: tuple[str, ...
         raise FileError(part.where, f"componentType: expected one of {sorted(_COMPONENTS)}, got {code}")
     dtype, width = np.dtype(_COMPONENTS[code]), _WIDTHS[kind]
     if part.has("bufferView"):
-        values = _strided(document, part, part.integer("bufferView"), part.integer("byteOffset", 0), count, dtype, width)
+        values = strided(document, part, part.integer("bufferView"), part.integer("byteOffset", 0), count, dtype, width)
     elif count * dtype.itemsize > 64 * document.size:
         raise FileError(part.where, f"count {count} without a buffer view, in a file of {document.size} bytes")
     else:
@@ -47,8 +47,12 @@ def read(document: Document, index: int, asked_by: str, *, types: tuple[str, ...
     return _normalised(values) if part.flag("normalized") else values
 
 
-def _strided(document: Document, part: Part, view: int, offset: int, count: int, dtype: np.dtype, width: int) -> Array:
-    """(count, width) of `dtype`: a view of the buffer where it is aligned, else a copy."""
+def strided(document: Document, part: Part, view: int, offset: int, count: int, dtype: np.dtype, width: int) -> Array:
+    """(count, width) of `dtype`: a view of the buffer where it is aligned, else a copy.
+
+    Raises:
+        FileError: The elements overlap, or end beyond the buffer view.
+    """
     data, stride = document.view(view, part.where)
     item = dtype.itemsize * width
     stride = stride or item
@@ -80,7 +84,7 @@ def _with_sparse(document: Document, sparse: Part, values: Array) -> Array:
     """A copy of `values` with the sparse ones put in."""
     count = sparse.integer("count", low=1)
     where, what, code = sparse_parts(sparse)
-    rows = _strided(
+    rows = strided(
         document,
         where,
         where.integer("bufferView"),
@@ -89,7 +93,7 @@ def _with_sparse(document: Document, sparse: Part, values: Array) -> Array:
         np.dtype(_COMPONENTS[code]),
         1,
     )[:, 0]
-    fresh = _strided(document, what, what.integer("bufferView"), what.integer("byteOffset", 0), count, values.dtype, values.shape[1])
+    fresh = strided(document, what, what.integer("bufferView"), what.integer("byteOffset", 0), count, values.dtype, values.shape[1])
     if int(rows.max()) >= len(values):
         raise FileError(where.where, f"row {int(rows.max())} of an accessor of {len(values)}")
     values = values.copy()

@@ -22,6 +22,7 @@ from luxel.errors import FileError, UnsupportedError
 from luxel.io.files import read_bytes
 
 _REQUIRED = object()
+_JSON, _BIN = 0x4E4F534A, 0x004E4942
 
 
 class Part:
@@ -114,13 +115,14 @@ class Document(Part):
         raw = read_bytes(path)
         self.path = path
         self.binary: Array | None = None
+        self.chunks: list[tuple[int, Array]] = []  # type and bytes of a GLB's chunks that are neither JSON nor its binary buffer
         self.size = len(raw)  # bytes of the file, and of the buffers read so far
         self._buffers: dict[int, Array] = {}
         self._views: dict[int, Array] = {}
         self._lists: dict[str, list[Any]] = {}
         text = raw
         if raw[:4].tobytes() == b"glTF":
-            text, self.binary = _split_glb(raw, path.name)
+            text, self.binary, self.chunks = _split_glb(raw, path.name)
         elif path.suffix.lower() == ".glb" and raw[:64].tobytes().lstrip(b"\xef\xbb\xbf \t\r\n")[:1] != b"{":
             raise FileError(path.name, f"neither a GLB (it begins with {raw[:4].tobytes()!r}, not b'glTF') nor glTF's JSON")
         super().__init__(path.name, _parse_json(text.tobytes(), path.name))
@@ -212,8 +214,8 @@ def _shown(value: Any) -> str:
     return text if len(text) <= 60 else text[:60] + "..."
 
 
-def _split_glb(raw: Array, where: str) -> tuple[Array, Array | None]:
-    """The JSON chunk, and the binary chunk or None."""
+def _split_glb(raw: Array, where: str) -> tuple[Array, Array | None, list[tuple[int, Array]]]:
+    """The JSON chunk, the binary chunk or None, and what other chunks there are."""
     if len(raw) < 20:
         raise FileError(where, f"a GLB of {len(raw)} bytes ends within its header")
     version, length = np.frombuffer(raw[4:12].tobytes(), "<u4").tolist()
@@ -222,17 +224,21 @@ def _split_glb(raw: Array, where: str) -> tuple[Array, Array | None]:
     if length > len(raw):
         raise FileError(where, f"the header says {length} bytes, the file has {len(raw)}")
     chunks: dict[int, Array] = {}
+    others: list[tuple[int, Array]] = []
     place = 12
     while place + 8 <= length:
         size, kind = np.frombuffer(raw[place : place + 8].tobytes(), "<u4").tolist()
         place += 8
         if place + size > length:
             raise FileError(where, f"the chunk at byte {place - 8} says {size} bytes, {length - place} are left")
-        chunks.setdefault(kind, raw[place : place + size])
+        if kind in (_JSON, _BIN) and kind not in chunks:
+            chunks[kind] = raw[place : place + size]
+        else:
+            others.append((kind, raw[place : place + size]))
         place += size + -size % 4
-    if 0x4E4F534A not in chunks:
+    if _JSON not in chunks:
         raise FileError(where, "a GLB without a JSON chunk")
-    return chunks[0x4E4F534A], chunks.get(0x004E4942)
+    return chunks[_JSON], chunks.get(_BIN), others
 
 
 def _parse_json(text: bytes, where: str) -> Any:

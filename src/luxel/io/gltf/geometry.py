@@ -61,7 +61,7 @@ def read_primitive(document: Document, part: Part, morph: tuple[float, ...], nam
     if arrays["normals"] is None:
         arrays["tangents"] = None  # glTF 2.0, section 3.7.2.1: to be ignored without normals
     positions = _morphed(document, part, positions, arrays, morph)
-    triangles = _triangles(document, part, rows, mode)
+    triangles = primitive_triangles(document, part, rows, mode)
     extra = {} if joints is None or weights is None else {"joints": joints, "weights": weights}
     if extra and not np.isfinite(positions).all():
         tell(part.where, "has vertices that are not finite, so its skin is ignored")
@@ -76,8 +76,12 @@ def _with_alpha(colors: Array | None) -> Array | None:
     return np.concatenate([colors, np.ones((len(colors), 1), colors.dtype)], 1)
 
 
-def _triangles(document: Document, part: Part, rows: int, mode: int) -> Array:
-    """(m, 3) int64 or narrower: of the primitive's indices, or of all vertices in order."""
+def primitive_triangles(document: Document, part: Part, rows: int, mode: int) -> Array:
+    """(m, 3) int64 or narrower: of the primitive's indices, or of all vertices in order; strips and fans become lists.
+
+    Raises:
+        FileError: The indices are no unsigned integers.
+    """
     if part.has("indices"):
         indices = read(document, part.integer("indices"), part.where, types=("SCALAR",))[:, 0]
         if indices.dtype.kind != "u":
