@@ -1,0 +1,82 @@
+"""Run a circuit with streams in Amaranth's own simulator."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from amaranth.sim import Simulator
+
+from luxel.arrays import Array
+
+
+class Run(NamedTuple):
+    """What left a circuit.
+
+    Attributes:
+        fields: (n,) int64 arrays, by the fields of its output stream.
+        clocks: (n,) int64: on which clock each left; the first clock is 0.
+    """
+
+    fields: dict[str, Array]
+    clocks: Array
+
+
+def run(component: Any, inputs: dict[str, Array], count: int, offered: Callable[[int], bool] | None = None,
+        taken: Callable[[int], bool] | None = None, limit: int = 1_000_000, **ports: int) -> Run:  # fmt: skip
+    """Send payloads through the streams `i` and `o` of a component.
+
+    Args:
+        component: With the streams `i` and `o`.
+        inputs: (m,) arrays of integers, by the fields of `i`.
+        count: How many payloads to wait for.
+        offered, taken: Whether the sender has one, and the receiver takes one, on a clock; always, if not given. A sender keeps what it offers.
+        limit: Clocks after which to give up.
+        ports: Values of further inputs.
+
+    Raises:
+        TimeoutError: After `limit` clocks fewer than `count` have left.
+    """
+    rows = list(zip(*(np.asarray(column).tolist() for column in inputs.values())))
+    found: list[list[int]] = []
+    clocks: list[int] = []
+
+    async def send(ctx: Any) -> None:
+        clock = 0
+        for name, value in ports.items():
+            ctx.set(getattr(component, name), value)
+        for row in rows:
+            while offered is not None and not offered(clock):
+                await ctx.tick()
+                clock += 1
+            for key, value in zip(inputs, row):
+                ctx.set(component.i.payload[key], value)
+            ctx.set(component.i.valid, 1)
+            ready = 0
+            while not ready:
+                _, _, ready = await ctx.tick().sample(component.i.ready)
+                clock += 1
+            ctx.set(component.i.valid, 0)
+
+    async def receive(ctx: Any) -> None:
+        fields: Sequence[Any] = [component.o.payload[key] for key in component.o.payload.shape().members]
+        for clock in range(limit):
+            take = taken is None or taken(clock)
+            ctx.set(component.o.ready, int(take))
+            _, _, valid, *values = await ctx.tick().sample(component.o.valid, *fields)
+            if take and valid:
+                found.append([int(value) for value in values])
+                clocks.append(clock)
+                if len(found) == count:
+                    return
+        raise TimeoutError(f"{len(found)} of {count} payloads left in {limit} clocks")
+
+    simulator = Simulator(component)
+    simulator.add_clock(1e-6)
+    simulator.add_testbench(send, background=True)
+    simulator.add_testbench(receive)
+    if count:
+        simulator.run()
+    columns = np.array(found, np.int64).reshape(len(found), -1).T
+    return Run(dict(zip(component.o.payload.shape().members, columns)), np.array(clocks, np.int64))
