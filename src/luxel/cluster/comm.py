@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import os
 import sys
+import time
 import traceback
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -28,6 +29,8 @@ from luxel.errors import ExtraMissingError, LuxelError
 
 _LAUNCHERS = ("PMI_RANK", "PMIX_RANK", "PMI_ID", "OMPI_COMM_WORLD_RANK", "MPI_LOCALRANKID", "MV2_COMM_WORLD_RANK")
 _FAILED = 2
+_PATIENCE = 0.002  # seconds of waiting without sleep
+_NAP = 0.005
 
 
 class Comm:
@@ -96,7 +99,19 @@ class _Ranks(Comm):
         self.neighbours = here.Get_size()
         here.Free()
 
+    def _wait(self, ready: Callable[[], bool]) -> None:
+        """Until it is: asleep where it takes long, since MPI's own waiting keeps a core busy that others could use."""
+        start = time.perf_counter()
+        while not ready():
+            if (waited := time.perf_counter() - start) > _PATIENCE:
+                time.sleep(min(waited / 10, _NAP))
+
+    def _together(self) -> None:
+        """Until all ranks are here."""
+        self._wait(self._comm.Ibarrier().Test)
+
     def share(self, value: Any) -> Any:
+        self._together()
         return self._comm.bcast(value)
 
     def share_array(self, array: Array | None) -> Array:
@@ -125,6 +140,7 @@ class _Ranks(Comm):
             self._comm.Send(_bytes(np.ascontiguousarray(array)), rank)
 
     def _receive(self, rank: int) -> Array:
+        self._wait(lambda: self._comm.iprobe(rank))
         shape, dtype = self._comm.recv(source=rank)
         out = np.empty(shape, dtype)
         if out.size:
@@ -133,9 +149,12 @@ class _Ranks(Comm):
 
     def spread(self, work: Callable[[int, Array], Array], items: Iterable[tuple[int, Array]]) -> Iterator[Array]:
         if self.rank:
-            while (number := self._comm.recv(source=0)) is not None:
+            while True:
+                self._wait(lambda: self._comm.iprobe(0))
+                number = self._comm.recv(source=0)
+                if number is None:
+                    return
                 self._send(work(number, self._receive(0)), 0)
-            return
         left = iter(items)
         out: deque[tuple[int, Any]] = deque()  # who has what, in order; rank 0 does its own while the others work
 
@@ -158,6 +177,7 @@ class _Ranks(Comm):
             self._comm.send(None, rank)
 
     def exchange(self, arrays: Sequence[Array]) -> list[Array]:
+        self._together()
         shapes = self._comm.alltoall([array.shape for array in arrays])
         dtype = arrays[0].dtype
         sent = np.concatenate([np.ascontiguousarray(array).reshape(-1) for array in arrays])

@@ -8,12 +8,15 @@ and real numbers only. A picture that wraps takes the Fourier transform as it is
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
 from luxel.arrays import Array
 from luxel.filter.borders import extended
 from luxel.filter.transform import fftfreq2
+
+_STRIP = 1 << 22  # bytes of columns transformed at once
 
 Transfer = Callable[[Array, Array], Array]
 """Factors of the frequencies along rows (h, 1) and columns (1, w), cycles per pixel; real and even."""
@@ -42,38 +45,33 @@ def cosine_frequencies(count: int) -> Array:
 
 
 def _mirrored(image: Array, transfer: Transfer, threads: int) -> Array:
-    from scipy.fft import dctn, idctn
+    from scipy.fft import dct, idct
 
-    factors = transfer(cosine_frequencies(image.shape[0])[:, None], cosine_frequencies(image.shape[1])[None]).astype(image.dtype)
-
-    def one(plane: Array) -> Array:
-        spectrum = dctn(plane, type=2, overwrite_x=True, workers=threads)
-        spectrum *= factors
-        return idctn(spectrum, type=2, overwrite_x=True, workers=threads)
-
-    return _by_plane(image, one)
+    fy, fx = (cosine_frequencies(count) for count in image.shape[:2])
+    spectrum = dct(image, axis=1, workers=threads)
+    _columns(spectrum, spectrum, slice(None), lambda strip: transfer(fy[:, None], fx[None, strip]), dct, idct, threads)
+    return idct(spectrum, axis=1, overwrite_x=True, workers=threads)
 
 
 def _wrapped(image: Array, transfer: Transfer, threads: int) -> Array:
-    from scipy.fft import irfft2, rfft2
+    from scipy.fft import fft, ifft, irfft, rfft
 
-    height, width, _ = image.shape
-    factors = transfer(*fftfreq2(height, width, real=True)).astype(image.dtype)
-
-    def one(plane: Array) -> Array:
-        spectrum = rfft2(plane, workers=threads)
-        spectrum *= factors
-        return irfft2(spectrum, s=(height, width), workers=threads, overwrite_x=True)
-
-    return _by_plane(image, one)
+    fy, fx = fftfreq2(image.shape[0], image.shape[1], real=True)
+    spectrum = rfft(image, axis=1, workers=threads)
+    _columns(spectrum, spectrum, slice(None), lambda strip: transfer(fy, fx[:, strip]), fft, ifft, threads)
+    return irfft(spectrum, n=image.shape[1], axis=1, overwrite_x=True, workers=threads)
 
 
-def _by_plane(image: Array, one: Callable[[Array], Array]) -> Array:
-    """Each channel in turn as a plane of its own, which the transforms like better than interleaved ones."""
-    out = np.empty_like(image)
-    for channel in range(image.shape[2]):
-        out[..., channel] = one(image[..., channel].copy())  # which the transform may overwrite
-    return out
+def _columns(spectrum: Array, out: Array, rows: slice, factors: Callable[[slice], Array], there: Callable[..., Array],
+             back: Callable[..., Array], threads: int) -> None:  # fmt: skip
+    """Transform columns (h, w, c), multiply, and put `rows` of what comes back into `out`: a strip of columns at a time, brought together so that
+    it is read from the cache. All channels side by side: planes of their own take up to twice as long."""
+    step = max(1, _STRIP // (spectrum.itemsize * spectrum.shape[0] * spectrum.shape[2]))
+    for first in range(0, spectrum.shape[1], step):
+        strip = slice(first, first + step)
+        part = there(np.ascontiguousarray(spectrum[:, strip]), axis=0, overwrite_x=True, workers=threads)
+        part *= factors(strip).astype(part.dtype)[..., None]
+        out[:, strip] = back(part, axis=0, overwrite_x=True, workers=threads)[rows]
 
 
 def by_kernel(image: Array, kernel: Array, before: tuple[int, int], border: str, value: float, threads: int) -> Array:
@@ -82,20 +80,15 @@ def by_kernel(image: Array, kernel: Array, before: tuple[int, int], border: str,
     Args:
         before: How many rows and columns the kernel reaches up and left of a pixel; it reaches kh - 1 - before[0] down.
     """
-    from scipy.fft import irfft2, next_fast_len, rfft2
+    from scipy.fft import fft, ifft, irfft, next_fast_len, rfft, rfft2
 
     height, width, _ = image.shape
     tall, wide = kernel.shape[0] - 1, kernel.shape[1] - 1
     padded = extended(image, before, (tall - before[0], wide - before[1]), border, value)
     shape = next_fast_len(height + tall, real=True), next_fast_len(width + wide, real=True)
     factors = rfft2(kernel.astype(image.dtype), s=shape, workers=threads)
-
-    def one(plane: Array) -> Array:
-        spectrum = rfft2(plane, s=shape, workers=threads)
-        spectrum *= factors
-        return irfft2(spectrum, s=shape, workers=threads, overwrite_x=True)[tall : tall + height, wide : wide + width]
-
-    out = np.empty_like(image)
-    for channel in range(image.shape[2]):
-        out[..., channel] = one(np.ascontiguousarray(padded[..., channel]))
-    return out
+    spectrum = rfft(padded, n=shape[1], axis=1, workers=threads)
+    down, rows = partial(fft, n=shape[0]), slice(tall, tall + height)  # rows that are wrapped round are not brought back
+    kept = np.empty((height, *spectrum.shape[1:]), spectrum.dtype)
+    _columns(spectrum, kept, rows, lambda strip: factors[:, strip], down, ifft, threads)
+    return np.ascontiguousarray(irfft(kept, n=shape[1], axis=1, overwrite_x=True, workers=threads)[:, wide : wide + width])
