@@ -21,7 +21,7 @@ from luxel.arrays import Array, checked
 from luxel.errors import InputError
 from luxel.raster.constants import SUBPIXEL
 from luxel.studies.shading.coverage import Coverage, coverage, spans_of
-from luxel.studies.shading.fixed import VALUE_BITS, Format, Plane, nearest, planes, wrap
+from luxel.studies.shading.fixed import VALUE_BITS, Format, Plane, nearest, planes, wrap, wrap_all
 from luxel.studies.shading.interpolators import INTERLEAVED, MOST_LANES, run_border, run_copies, run_rows, run_wave
 from luxel.studies.shading.schemes import CLASSICAL, ENDS, PLANE, Machine, Resources, Scheme
 
@@ -127,24 +127,29 @@ class _Spans(NamedTuple):
 
 def _spans(scheme: Scheme, exact: Sequence[Plane], rows: Array, x: int, y: int, form: Format, source: str) -> _Spans:
     """Set up spans whose rows count from pixel (x, y)."""
-    shape = len(rows), len(exact)
+    shape = len(exact), len(rows)
     start, end, slope, stride = (np.zeros(shape, np.int64) for _ in range(4))
-    across, down = np.zeros(len(exact), np.int64), np.zeros(len(exact), np.int64)
+    gradients = np.array([plane.gradient(form) for plane in exact], np.int64).reshape(len(exact), 2)
+    row, left, right = rows.T
+    length = right - left
     for c, plane in enumerate(exact):
-        across[c], down[c] = gx, gy = plane.gradient(form)
-        for k, (row, left, right) in enumerate(rows.tolist()):
-            length = right - left
-            if source == ENDS:
-                a, b = plane.rounded(x + left, y + row, form), plane.rounded(x + right, y + row, form)
-                change = wrap(b - a, form.bits)
-                step = nearest(change, length) if length else 0
-                over = nearest(scheme.lanes * change, length) if length and scheme.own_strides else scheme.lanes * step
-            else:
-                first = rows[0].tolist()
-                a = plane.rounded(x + first[1], y + first[0], form) + (left - first[1]) * gx + (row - first[0]) * gy
-                b, step, over = a + length * gx, gx, scheme.lanes * gx
-            start[k, c], end[k, c], slope[k, c], stride[k, c] = (wrap(v, form.bits) for v in (a, b, step, over))
-    return _Spans(rows, start, end, slope, stride if scheme.way == INTERLEAVED else slope, across, down)
+        if source == ENDS:
+            start[c], end[c] = (plane.all_rounded(x + column, y + row, form) for column in (left, right))
+            change = wrap_all(end[c] - start[c], form.bits)
+            slope[c] = _nearest_share(change, length)
+            stride[c] = _nearest_share(scheme.lanes * change, length) if scheme.own_strides else scheme.lanes * slope[c]
+        else:
+            first = plane.rounded(x + int(left[0]), y + int(row[0]), form)
+            start[c] = first + (left - left[0]) * gradients[c, 0] + (row - row[0]) * gradients[c, 1]
+            end[c], slope[c], stride[c] = start[c] + length * gradients[c, 0], gradients[c, 0], scheme.lanes * gradients[c, 0]
+    loaded = [np.ascontiguousarray(wrap_all(v, form.bits).T) for v in (start, end, slope, stride if scheme.way == INTERLEAVED else slope)]
+    return _Spans(rows, *loaded, *np.ascontiguousarray(gradients.T))
+
+
+def _nearest_share(change: Array, length: Array) -> Array:
+    """`nearest` of int64 arrays; 0 where the length is 0."""
+    safe = np.maximum(length, 1)
+    return np.where(length > 0, (2 * change + safe) // (2 * safe), 0)
 
 
 def fill(what: Triangle, scheme: Scheme = CLASSICAL, form: Format = DEFAULT, machine: Machine = MACHINE, source: str = ENDS) -> Filled:

@@ -55,6 +55,12 @@ def wrap(value: int, bits: int) -> int:
     return ((value + half) & ((1 << bits) - 1)) - half
 
 
+def wrap_all(values: Array, bits: int) -> Array:
+    """`wrap` of an array of int64."""
+    spare = np.int64(64 - bits)
+    return (values << spare) >> spare
+
+
 def nearest(numerator: int, denominator: int) -> int:
     """The whole number nearest to a ratio with a positive denominator; halves go up."""
     return (2 * numerator + denominator) // (2 * denominator)
@@ -75,6 +81,12 @@ class Plane(NamedTuple):
     def rounded(self, x: int, y: int, form: Format) -> int:
         """The value at a pixel's centre to the nearest that a register holds, in units of the last place."""
         return wrap(nearest((self.p * x + self.q * y + self.r) << form.fraction, self.d), form.bits)
+
+    def all_rounded(self, x: Array, y: Array, form: Format) -> Array:
+        """`rounded` at many pixels, (n,) int64."""
+        p, q, r = (number << (form.fraction + 1) for number in self[:3])
+        whole = [(p * column + q * row + r + self.d) // (2 * self.d) for column, row in zip(x.tolist(), y.tolist(), strict=True)]
+        return wrap_all(np.array(whole, np.int64), form.bits)
 
     def gradient(self, form: Format) -> tuple[int, int]:
         """The change from pixel to pixel along x and y, rounded to the register; steep ones wrap, which sums that fit undo."""
