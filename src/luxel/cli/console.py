@@ -45,8 +45,8 @@ class Console:
             print(text)  # noqa: T201
 
     @contextmanager
-    def work(self, label: str) -> Iterator[Callable[[float], None]]:
-        """Around heavy work: says once that kernels are compiled, and gives what to report the part done (0..1) to.
+    def work(self, label: str) -> Iterator[Callable[..., None]]:
+        """Around heavy work: says once that kernels are compiled, and gives what to report the part done (0..1) to, and another label.
 
         A bar shows on a terminal, after a second.
         """
@@ -71,7 +71,8 @@ class _Bar:
         self.progress: Any = None
         self.task: Any = None
 
-    def report(self, done: float) -> None:
+    def report(self, done: float, label: str | None = None) -> None:
+        self.label = label or self.label
         if not self.shown or (self.progress is None and time.monotonic() - self.start < PATIENCE):
             return
         if self.progress is None:
@@ -82,7 +83,7 @@ class _Bar:
             self.progress = Progress(*columns, console=RichConsole(stderr=True), transient=True)
             self.task = self.progress.add_task(self.label, total=1.0)
             self.progress.start()
-        self.progress.update(self.task, completed=done)
+        self.progress.update(self.task, completed=done, description=self.label)
 
     def close(self) -> None:
         if self.progress is not None:

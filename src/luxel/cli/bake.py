@@ -1,0 +1,286 @@
+"""luxel bake: from a scene to a scene whose light is in it."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from luxel.cli import values
+from luxel.cli.console import Console, Json, Quiet, seconds
+from luxel.errors import FileError, InputError
+
+if TYPE_CHECKING:
+    from luxel.arrays import Array
+    from luxel.radiosity.bake import Baked, Progress
+    from luxel.scene import Scene
+
+EXAMPLE = "luxel bake room.glb -o lit.glb --quality draft --sky 0.4,0.6,1 --preview lit.png"
+
+SCENES = (".glb", ".gltf")
+PICTURES = (".png", ".jpg", ".jpeg")
+_QUALITIES, _CONVENTIONS = ("draft", "normal", "final"), ("moz", "unlit", "emissive", "sidecar")
+_PREVIEW_SIZE = (960, 540)
+_REDRAW = 12  # a preview may take a part of the time like this
+_ROOM = 16  # bytes a texel of a page, in the files
+
+
+def _option(heading: str | None, *names: str, metavar: str | None = None, help: str) -> Any:
+    return typer.Option(*names, metavar=metavar, help=help, rich_help_panel=heading, show_default=False)
+
+
+_kinds = "A .glb, .gltf, .obj, .ply, .stl or .off."
+File = Annotated[Path, typer.Argument(metavar="SCENE", help=_kinds, show_default=False)]
+Output = Annotated[Path | None, _option(None, "-o", "--output", metavar="OUT", help="The lit scene: .glb or .gltf [SCENE's name, _lit.glb, here].")]
+DryRun = Annotated[bool, _option(None, "--dry-run", help="Only lay the lightmap out, and tell what the bake would take.")]
+Threads = Annotated[str | None, _option(None, "--threads", metavar="N", help="Of the processor [all]. The light does not depend on it.")]
+
+_light = partial(_option, "Light")
+_skies = "Radiance of the sky, W/(m2 sr): a number, R,G,B, or a picture all around (.hdr, .exr, .png) [dark]."
+Sky = Annotated[str | None, _light("--sky", metavar="SKY", help=_skies)]
+OnlyIndirect = Annotated[bool, _light("--only-indirect", help="Leave out what comes straight from the lights, which stay in the file.")]
+
+_quality = partial(_option, "Quality")
+QualityName = Annotated[str, _quality("--quality", metavar="NAME", help=f"{', '.join(_QUALITIES)} [normal].")]
+Density = Annotated[str | None, _quality("--density", metavar="N", help="Luxels per metre [about 250,000 in all].")]
+Page = Annotated[str, _quality("--page", metavar="N", help="Side of a lightmap's page, at most [1024].")]
+Tolerance = Annotated[str | None, _quality("--tolerance", metavar="X", help="Done when this share of the light is unshot [0.001; draft: 0.005].")]
+Seconds = Annotated[str | None, _quality("--seconds", metavar="S", help="Or after so long; what is unshot is then spread evenly.")]
+
+_written = partial(_option, "What is written")
+_conventions = "moz (MOZ_lightmap), unlit (any viewer), emissive, or sidecar (OpenEXR beside) [moz]."
+ConventionName = Annotated[str, _written("--convention", metavar="NAME", help=_conventions)]
+White = Annotated[str, _written("--white", metavar="L", help="unlit: the radiance that is shown as white [1].")]
+NoLights = Annotated[bool, _written("--no-lights", help="Leave the lamps out, for viewers that would add them to the lightmap.")]
+Exr = Annotated[bool, _written("--exr", help="Also OUT_lightmap_0.exr ..., irradiance in W/m2.")]
+Occlusion = Annotated[str | None, _written("--ao", metavar="M", help="Ambient occlusion within so many metres, as occlusion textures.")]
+
+_working = partial(_option, "While it works")
+_pictures = "A .png or .jpg, drawn again as light spreads."
+Preview = Annotated[Path | None, _working("--preview", metavar="FILE", help=_pictures)]
+_checkpoints = "Where the state is kept, twice a minute and when it is interrupted [OUT.state]."
+Checkpoint = Annotated[Path | None, _working("--checkpoint", metavar="FILE", help=_checkpoints)]
+Resume = Annotated[bool, _working("--resume", help="Go on from there.")]
+
+
+def bake(
+    file: File,
+    output: Output = None,
+    dry_run: DryRun = False,
+    threads: Threads = None,
+    sky: Sky = None,
+    only_indirect: OnlyIndirect = False,
+    quality: QualityName = "normal",
+    density: Density = None,
+    page: Page = "1024",
+    tolerance: Tolerance = None,
+    seconds_: Seconds = None,
+    convention: ConventionName = "moz",
+    white: White = "1",
+    no_lights: NoLights = False,
+    exr: Exr = False,
+    ao: Occlusion = None,
+    preview: Preview = None,
+    checkpoint: Checkpoint = None,
+    resume: Resume = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Light a scene: what its lamps, its glowing surfaces and the sky give, from surface to surface, as a lightmap.
+
+    The result is a scene that shows its light without any computing.
+    """
+    output = output or Path(f"{file.stem}_lit.glb")
+    above = "a number above 0"
+    options: dict[str, Any] = {
+        "quality": values.choice(quality, _QUALITIES, "--quality"),
+        "density": None if density is None else values.number(density, "--density", above, lambda x: x > 0),
+        "page": values.whole(page, "--page", 16, 16384),
+        "tolerance": None if tolerance is None else values.number(tolerance, "--tolerance", "a share between 0 and 1", lambda x: 0 < x <= 1),
+        "seconds": None if seconds_ is None else values.number(seconds_, "--seconds", above, lambda x: x > 0),
+        "threads": None if threads is None else values.whole(threads, "--threads", 1),
+        "checkpoint": checkpoint or output.with_name(f"{output.name}.state"),
+        "resume": resume,
+    }
+    write = _Write(
+        output,
+        values.choice(convention, _CONVENTIONS, "--convention"),
+        values.number(white, "--white", "a radiance above 0", lambda x: x > 0),
+        exr,
+        not no_lights,
+        only_indirect,
+        None if ao is None else values.number(ao, "--ao", "metres above 0", lambda x: x > 0),
+    )
+    console = Console(quiet, as_json)
+    if dry_run:
+        _tell(console, file, options)
+        return
+    _check_targets(write, preview, options)
+    options["sky"] = None if sky is None else _sky(sky)
+    _bake(console, file, write, preview, options)
+
+
+@dataclass(frozen=True)
+class _Write:
+    """What is to be written, and how."""
+
+    output: Path
+    convention: str
+    white: float
+    exr: bool
+    lights: bool
+    only_indirect: bool
+    occlusion: float | None
+
+
+def _check_targets(write: _Write, preview: Path | None, options: dict[str, Any]) -> None:
+    """Everything that would keep the result from being written, before anything is computed."""
+    from luxel.radiosity.output import check_writable
+
+    values.output(write.output, SCENES)
+    if write.exr or write.convention == "sidecar":
+        values.output(write.output.with_suffix(".exr"), (".exr",))
+    check_writable(write.output, _ROOM * options["page"] ** 2)
+    check_writable(options["checkpoint"])
+    if preview is not None:
+        check_writable(values.output(preview, PICTURES, "--preview"))
+
+
+def _sky(text: str) -> Any:
+    """A radiance (3,), or an equirectangular picture (h, w, 3) of it."""
+    import numpy as np
+
+    words = text.split(",")
+    if len(words) in (1, 3):
+        try:
+            radiance = [float(word) for word in words]
+        except ValueError:
+            radiance = []
+        if radiance:
+            if not all(math.isfinite(x) and x >= 0 for x in radiance):
+                raise InputError(f"--sky: expected radiance of at least 0, got {text!r}")
+            return np.array(radiance * (3 if len(radiance) == 1 else 1))
+    from luxel.io.images import read_image
+    from luxel.scene.colour import linear_from_srgb
+
+    if Path(text).suffix.lower() not in (".hdr", ".exr", ".png", ".jpg", ".jpeg"):
+        raise InputError(f"--sky: expected a number, R,G,B, or a picture (.hdr, .exr, .png), got {text!r}")
+    image = read_image(text)
+    light = linear_from_srgb(image / np.float32(255)) if image.dtype == np.uint8 else image
+    light = np.repeat(light[..., :1], 3, 2) if light.shape[2] < 3 else light[..., :3]
+    if not np.isfinite(light).all():
+        raise FileError(text, "a sky with pixels that are not finite")
+    return np.maximum(light, 0)
+
+
+def _tell(console: Console, file: Path, options: dict[str, Any]) -> None:
+    """What the lightmap would be, and what the bake would take."""
+    from luxel import load
+    from luxel.radiosity.diagnosis import diagnose
+    from luxel.radiosity.unwrap import unwrap
+
+    with console.work("laying out"):
+        atlas = unwrap(load(file), options["density"], options["page"], threads=options["threads"])
+        found = diagnose(atlas, options["threads"])
+    data = {**found._asdict(), "density": found.density._asdict(), "faults": found.faults(), "serves": found.serves}
+    console.result({"file": str(file), **data}, found.text())
+
+
+def _bake(console: Console, file: Path, write: _Write, preview: Path | None, options: dict[str, Any]) -> None:
+    from luxel import load
+    from luxel.radiosity.bake import bake
+
+    start = time.perf_counter()
+    scene = load(file)
+    state: Path = options["checkpoint"]
+    if options["resume"] and not state.exists():
+        console.note(f"nothing to resume: there is no {state}; the bake starts anew")
+    try:
+        with console.work("laying out the lightmap") as report:
+            watch = _Watch(report, preview, options["tolerance"] or 1e-3)
+            baked = bake(scene, progress=watch, **options)
+            report(1.0, "writing")
+            lit = _lit(baked, write, options["threads"])
+            written = _save(lit, write)
+            if preview is not None:
+                _draw(lit, preview)
+                written.append(preview)
+    except KeyboardInterrupt:
+        if state.exists():
+            console.note(f"what is done is kept in {state}; the same command with --resume goes on")
+        raise
+    if baked.finished:
+        state.unlink(missing_ok=True)
+    _say(console, baked, written, state, time.perf_counter() - start)
+
+
+class _Watch:
+    """Shows how the unshot light falls, and draws previews as often as they cost little."""
+
+    def __init__(self, report: Callable[..., None], preview: Path | None, tolerance: float) -> None:
+        self.report, self.preview, self.tolerance = report, preview, tolerance
+        self.next = 0.0
+
+    def __call__(self, unshot: float, state: Progress) -> None:
+        done = math.log(max(unshot, self.tolerance)) / math.log(self.tolerance) if unshot < 1 else 0.0
+        self.report(min(done, 1.0), f"{unshot:7.2%} of the light unshot")
+        if self.preview is not None and time.monotonic() >= self.next:
+            start = time.monotonic()
+            _draw(state.preview(), self.preview)
+            self.next = time.monotonic() + max(1.0, _REDRAW * (time.monotonic() - start))
+
+
+def _draw(scene: Scene, path: Path) -> None:
+    from luxel import render
+
+    render(scene, size=_PREVIEW_SIZE, samples=4, background=(0.0, 0.0, 0.0)).save(path)
+
+
+def _lit(baked: Baked, write: _Write, threads: int | None) -> Scene:
+    """The scene with what is asked for in its lightmaps."""
+    from luxel.radiosity import lightmap
+
+    pages = lightmap.finish(baked.atlas, baked.luxels, baked.irradiance - baked.direct, baked.valid)[0] if write.only_indirect else baked.pages
+    shade: Array | None = None
+    if write.occlusion is not None:
+        from luxel.radiosity.ambient_occlusion import ambient_occlusion
+
+        share = ambient_occlusion(baked.atlas, baked.luxels, write.occlusion, threads=threads)
+        shade = lightmap.finish(baked.atlas, baked.luxels, share, baked.valid)[0]
+    return lightmap.attach(baked.atlas, pages, shade)
+
+
+def _save(lit: Scene, write: _Write) -> list[Path]:
+    from luxel.radiosity.output import save_baked
+
+    convention: Any = write.convention
+    return save_baked(lit, write.output, convention, exr=write.exr, white=write.white, lights=write.lights)
+
+
+def _say(console: Console, baked: Baked, written: list[Path], state: Path, took: float) -> None:
+    last = baked.ledger[-1] if baked.ledger else None
+    unshot, shots = (last.unshot_fraction, last.shots) if last else (0.0, 0)
+    (width, height), pages, luxels = baked.atlas.size, baked.atlas.pages, len(baked.luxels.area)
+    ledger = {} if last is None else {name: [float(x) for x in getattr(last, name)] for name in ("emitted", "absorbed", "escaped", "unshot")}
+    data = {
+        "output": [str(path) for path in written],
+        "luxels": luxels,
+        "pages": pages,
+        "page": [width, height],
+        "shots": int(shots),
+        "unshot": float(unshot),
+        "finished": baked.finished,
+        "watts": ledger,
+        "mean_irradiance": [float(x) for x in baked.irradiance[baked.valid].mean(0)] if baked.valid.any() else [0.0, 0.0, 0.0],
+        "seconds": {**{name: float(value) for name, value in baked.seconds.items()}, "all": took},
+    }
+    if not baked.finished:
+        console.note(f"stopped with {unshot:.2%} of the light unshot; the state is kept in {state}, and --resume goes on")
+    on = f"a page of {width}x{height}" if pages == 1 else f"{pages} pages of {width}x{height}"
+    console.result(data, f"{written[0]}  ({luxels:,} luxels on {on}, {shots:,} shots, {unshot:.2%} unshot; {seconds(took)})")
