@@ -106,14 +106,12 @@ class Format:
         half = (_I(1) << drop) >> 1
         odd = magnitude >> drop & 1
         # Adding half - 1, and one more where what is kept is odd, carries just where the rest is above half, or half beside an odd number.
-        kept = magnitude + np.maximum(half - 1, 0) + (odd & (drop > 0)) >> drop
+        kept = magnitude + np.where(drop > 0, half - 1 + odd, 0) >> drop
         kept <<= np.maximum(self.fraction + 1 - length, 0)
-        carry = kept >> self.fraction + 1
-        exponent = power + length + (self.bias - 1) + carry
-        fraction = (kept >> carry) & (1 << self.fraction) - 1
-        words = self._join(sign, np.clip(exponent, 0, self.highest), fraction)
-        words = np.where(exponent > self.highest, (sign << self.bits - 1 | self.largest).astype(np.uint32), words)
-        return np.where((exponent < 1) | (magnitude == 0), np.uint32(0), words)
+        # The leading 1 of `kept` is not stored but taken off; where rounding has made it a 2, the exponent is one more, and the fraction 0.
+        words = (power + length + (self.bias - 2) << self.fraction) + kept
+        nothing = (words < 1 << self.fraction) | (magnitude == 0)
+        return np.where(nothing, 0, np.minimum(words, self.largest) | sign << self.bits - 1).astype(np.uint32)
 
     def convert(self, words: Any, source: Format) -> Array:
         """Words of another format in this one."""

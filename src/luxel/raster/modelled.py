@@ -7,18 +7,18 @@ no perspective: colours are linear on the screen. Alpha takes a fourth channel l
 from __future__ import annotations
 
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
 from luxel.arrays import Array
 from luxel.errors import LuxelWarning
 from luxel.hardware import float24, interpolator
+from luxel.hardware.scan import CENTRE
 from luxel.raster.bin import Bins, Clipped
-from luxel.raster.constants import SUBPIXEL, SUBPIXEL_LOG2
+from luxel.raster.constants import SUBPIXEL
 from luxel.raster.geometry import Geometry
 from luxel.scene.scene import Scene
-
-_CENTRE = SUBPIXEL // 2
 
 
 def check(scene: Scene) -> None:
@@ -31,7 +31,7 @@ def check(scene: Scene) -> None:
 
 
 def shade(bins: Bins, occupied: Array, first_tile: int, last_tile: int, width: int, height: int, ids: Array, pattern: Array, every_sample: bool,
-          geometry: Geometry, screen: Array, clipped: Clipped, blend: bool, samples: Array) -> None:  # fmt: skip
+          geometry: Geometry, screen: Array, clipped: Clipped, blend: bool, samples: Array, threads: int) -> None:  # fmt: skip
     """Lay the visible triangles of tiles first_tile .. last_tile - 1 over what their samples hold.
 
     A pixel whose samples are all one triangle's is shaded once, at its centre, unless `every_sample`; others at every sample.
@@ -40,12 +40,12 @@ def shade(bins: Bins, occupied: Array, first_tile: int, last_tile: int, width: i
         bins, occupied, width, height, ids, pattern, every_sample, geometry, screen, clipped: As in `luxel.raster.shade.shade`.
         blend: Alpha counts; else what is drawn is opaque.
         samples: (tiles, 4 * s * tile * tile) float32, premultiplied, planar: `Target.samples`.
+        threads: How many to use; NumPy lets go of the interpreter's lock.
     """
     tile, count = bins.tile, len(pattern)
     row, column = np.divmod(np.arange(tile * tile), tile)
-    for number in range(first_tile, last_tile):
-        if not occupied[number]:
-            continue
+
+    def shade_tile(number: int) -> None:
         down, across = divmod(number, bins.across)
         x, y = across * tile + column, down * tile + row
         seen = ids[number - first_tile, : count * tile * tile].reshape(count, -1)
@@ -54,13 +54,17 @@ def shade(bins: Bins, occupied: Array, first_tile: int, last_tile: int, width: i
         if count > 1 and not every_sample:
             whole = there.all(0) & (seen == seen[0]).all(0)
             pixel = np.flatnonzero(whole)
-            colors = _colors(seen[0, pixel], x[pixel] * SUBPIXEL + _CENTRE, y[pixel] * SUBPIXEL + _CENTRE, geometry, screen, clipped)
-            for sample in range(count):
-                _lay_over(held, sample, pixel, colors, blend)
+            colors = _colors(seen[0, pixel], x[pixel] * SUBPIXEL + CENTRE, y[pixel] * SUBPIXEL + CENTRE, geometry, screen, clipped)
+            for each in range(count):
+                _lay_over(held, each, pixel, colors, blend)
             there &= ~whole
         sample, pixel = np.nonzero(there)
-        place = (x[pixel] << SUBPIXEL_LOG2) + pattern[sample, 0], (y[pixel] << SUBPIXEL_LOG2) + pattern[sample, 1]
+        place = x[pixel] * SUBPIXEL + pattern[sample, 0], y[pixel] * SUBPIXEL + pattern[sample, 1]
         _lay_over(held, sample, pixel, _colors(seen[sample, pixel], *place, geometry, screen, clipped), blend)
+
+    with ThreadPoolExecutor(threads) as pool:
+        for _ in pool.map(shade_tile, np.flatnonzero(occupied[first_tile:last_tile]) + first_tile):
+            pass  # what a thread raises is raised here
 
 
 def _colors(ids: Array, x: Array, y: Array, geometry: Geometry, screen: Array, clipped: Clipped) -> Array:

@@ -469,7 +469,7 @@ class _Band:
         o, w, seen = self.options, self.window, self.seen
         if self.hardware:
             modelled.shade(self.bins[OPAQUE], occupied, first, last, w.width, w.height, ids, o.positions, o.ssaa > 1, seen.geometry, self.screen,
-                           self.clipped, blend, target.samples)  # fmt: skip
+                           self.clipped, blend, target.samples, o.threads or 1)  # fmt: skip
             return
         shade(self.bins[OPAQUE], occupied, first, last, w.width, w.height, ids, o.positions, o.ssaa > 1, seen.geometry, self.screen,
               self.clipped, self.materials, seen.lights, seen.eye, seen.features, 2.0**o.exposure, o.fill, *self.place, target,
