@@ -132,7 +132,8 @@ def run(context: Context, report: Report, facts: Row) -> None:
     made = resource_rows(rows, middle)
     report.table("resources", "What each scheme is made of, and what that buys", made,
                  f"Speed-up on triangles of {middle:,} pixels; adders include those in interpolators. The last column is 1 where speed costs "
-                 "what it brings, and more where it is cheap.")  # fmt: skip
+                 "what it brings, and more where it is cheap. Not counted: the wave's marks of active pixels and its wiring to neighbours, and "
+                 "midlines' test of coverage.")  # fmt: skip
     _cost_figure(report, made, middle)
     facts |= {"spans": spans, "areas": rows, "setups": setups, "resources": made}
 
