@@ -58,9 +58,9 @@ def save_baked(
     made.check()
     pages = [light_of(scene.textures[page]) * np.float32(scene.materials[users[0]].lightmap_scale) for page, users in lit_materials(scene).items()]
     with door(path, "cannot be written"):
-        write.save(made, path, "sidecar" if convention == "sidecar" else "moz")
         if exr and convention != "sidecar":
             save_pages(path.with_name(f"{path.stem}_lightmap.exr"), pages)
+        write.save(made, path, "sidecar" if convention == "sidecar" else "moz")
     beside = exr or convention == "sidecar"
     return [path, *(path.with_name(f"{path.stem}_lightmap_{i}.exr") for i in range(len(pages)) if beside)]
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from luxel.arrays import Array
-from luxel.radiosity.lightmap import dilate
+from luxel.radiosity.spread import spread
 from luxel.scene.camera import Camera
 from luxel.scene.colour import linear_from_srgb
 from luxel.scene.light import Ambient
@@ -77,8 +77,9 @@ def shown(scene: Scene, texture: int) -> Shown:
         _, seen = _draw(flat, size, lambda i, m: replace(_solid(m), alpha_mode="OPAQUE" if m.alpha_mode == "OPAQUE" else "BLEND"))
         alpha = np.minimum(seen / np.maximum(cover, 1e-6), 1)
     covered = cover > 0
-    grown = dilate(np.concatenate([albedo, emitted, alpha[..., None]], -1)[None], covered[None], _GUTTER)[0]
     label = _nearest(np.rint(number[..., 0]).astype(np.int32) - 1, covered)
+    values = np.concatenate([albedo, emitted, alpha[..., None]], -1)
+    grown = spread(values[None], covered[None], np.ones_like(covered)[None], _GUTTER, label[None])[0][0]  # lamps do not shine into others' gutters
     scale = np.array([*(material.lightmap_scale for material in scene.materials), 0], np.float32) / np.float32(pi)
     radiance = grown[..., :3] * light * scale[label][..., None] + grown[..., 3:6]
     return Shown(radiance, grown[..., 6], label, covered)
