@@ -22,6 +22,7 @@ EXAMPLE = "luxel filter photo.png -o soft.png --gaussian 2.5 --spectrum spectrum
 
 _BORDERS = ("mirror", "clamp", "wrap", "constant")
 _METHODS = ("auto", "separable", "direct", "tiles", "fft", "dct")
+_BAND = 1 << 26  # bytes of float32 numbers: large enough, and small enough for the system to give the same memory again
 _BANDS_EACH = 4  # for each rank, so that they end together
 _EXTENSIONS = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff", ".exr", ".npy")
 
@@ -125,11 +126,12 @@ def _filter_file(console: Console, comm: Comm, file: Path, output: Path | None, 
         whole = 4 * height * width * channels <= memory
         if spectrum is not None and not whole:
             raise InputError(f"--spectrum: {width}x{height} is more than --memory holds")
-        banded = chosen is not None and (not whole or (comm.size > 1 and chosen.kernel is not None and spectrum is None))
+        sooner = comm.size > 1 or 4 * height * width * channels > 4 * _BAND  # by bands, where the filter is a kernel
+        banded = chosen is not None and (not whole or (sooner and chosen.kernel is not None and spectrum is None))
         if banded:
             assert chosen is not None
             assert output is not None
-            _in_bands(comm, source, output, chosen, {**options, "threads": number, "memory": memory // (4 * comm.neighbours)}, report)
+            _in_bands(comm, source, output, chosen, {**options, "threads": number, "memory": min(memory // 4, _BAND) // comm.neighbours}, report)
         else:
             comm.share("whole" if chosen is not None else None)
             _in_memory(comm, source, output, spectrum, chosen, options, number)

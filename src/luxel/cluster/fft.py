@@ -54,7 +54,7 @@ def _along(transform: Along, slab: Array, axis: int, threads: int | None, **opti
         return transform(slab, axis=axis, workers=jit.checked_threads(threads), **options)
     name = transform.__name__
     if name == "irfft":
-        return np.empty((len(slab), options["n"]), slab.real.dtype)
+        return np.empty((len(slab), options["n"], *slab.shape[2:]), slab.real.dtype)
     return slab.astype(np.result_type(slab.dtype, np.complex64) if name in ("fft", "ifft", "rfft") else slab.dtype)
 
 
@@ -73,7 +73,7 @@ def by_transfer(slab: Array, shape: tuple[int, int], transfer: Transfer, border:
     """Multiply the spectrum of a picture by a transfer function; its border is "mirror" (through cosine transforms) or "wrap".
 
     Args:
-        slab: (its rows, w) float32 or float64.
+        slab: (its rows, w) or (its rows, w, c) float32 or float64.
         shape: (h, w) of the whole.
         transfer: As in `luxel.filter.spectral`.
 
@@ -94,7 +94,8 @@ def by_transfer(slab: Array, shape: tuple[int, int], transfer: Transfer, border:
     wide = (shape[0], columns)
     turned = _along(down, _to_columns(_along(there, slab, 1, threads), wide, comm), 0, threads)
     first, last = comm.share_out(columns)[comm.rank]
-    turned = turned * transfer(fy[:, None], fx[None, first:last]).astype(slab.dtype)
+    factors = transfer(fy[:, None], fx[None, first:last]).astype(slab.dtype)
+    turned = turned * factors.reshape(factors.shape + (1,) * (slab.ndim - 2))
     return _along(back, _to_rows(_along(up, turned, 0, threads), wide, comm), 1, threads, **options)
 
 
@@ -174,23 +175,18 @@ def _taken(image: Array, rows: Array, value: float) -> Array:
 
 
 def _by_slabs(image: Array | None, filter: Filter | None, comm: Comm, border: str, value: float, threads: int) -> Array | None:
-    """Channel by channel; borders that no transform has are added around the picture first."""
-    reach = 0
+    """All channels side by side; borders that no transform has are added around the picture first."""
+    reach, slabs, wide = 0, None, image
     if image is not None:
         assert filter is not None
         reach = 0 if border in ("mirror", "wrap") else filter.reach
-        image = extended(image, (reach, reach), (reach, reach), border, value) if reach else image
-    shape, transfer = comm.share((image.shape, filter.transfer) if image is not None and filter is not None else None)
-    channels = []
-    for channel in range(shape[2]):
-        slabs = None
-        if image is not None:
-            slabs = [np.ascontiguousarray(image[first:last, :, channel]) for first, last in comm.share_out(shape[0])]
-        slab = by_transfer(comm.deal(slabs), shape[:2], transfer, "wrap" if border == "wrap" else "mirror", comm, threads)
-        channels.append(comm.collect(slab))
-    if image is None:
+        wide = extended(image, (reach, reach), (reach, reach), border, value) if reach else image
+        slabs = [wide[first:last] for first, last in comm.share_out(len(wide))]
+    shape, transfer = comm.share((wide.shape, filter.transfer) if wide is not None and filter is not None else None)
+    parts = comm.collect(by_transfer(comm.deal(slabs), shape[:2], transfer, "wrap" if border == "wrap" else "mirror", comm, threads))
+    if parts is None or image is None:
         return None
-    out = np.stack([np.concatenate(parts) for parts in channels if parts is not None], -1)
+    out = np.concatenate(parts)[reach : shape[0] - reach, reach : shape[1] - reach]
     if not np.isfinite(out[0, 0]).all():
         refuse_odd(image)
-    return np.ascontiguousarray(out[reach : shape[0] - reach, reach : shape[1] - reach])
+    return np.ascontiguousarray(out)

@@ -26,7 +26,7 @@ class Taps(NamedTuple):
     @classmethod
     def of(cls, kernel: Array) -> Taps:
         """Those of (kh, kw) or (kh, kw, ROWS) that are not zero, but one at least."""
-        used: Array = kernel.reshape(*kernel.shape[:2], -1).any(-1)
+        used = np.any(kernel.reshape(*kernel.shape[:2], -1) != 0, axis=-1)
         used[0, 0] |= not used.any()
         i, j = np.nonzero(used)
         return cls(i, j, np.ascontiguousarray(kernel[i, j]).reshape(-1))
