@@ -57,7 +57,7 @@ def rounded_weights(corners, place, precision, table):
     """alpha, beta and gamma as the circuit rounds them."""
     a, b, c = corners
     area = cross(a, b, c)
-    inverse = nearest(reciprocal(nearest(Fraction(abs(area)), 8, 23), table), 7, precision.reciprocal)
+    inverse = nearest(reciprocal(nearest(Fraction(abs(area)), 8, table.words.fraction), table), 7, precision.reciprocal)
     ca, ab = (nearest(Fraction(abs(e)), 7, precision.edge) for e in (cross(c, a, place), cross(a, b, place)))
     beta, gamma = nearest(ca * inverse), nearest(ab * inverse)
     return nearest(nearest(1 - beta) - gamma), beta, gamma

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from luxel.errors import InputError
@@ -40,6 +40,7 @@ def mask(x, y):
 
 
 @given(CORNERS)
+@settings(deadline=None)
 def test_coverage_is_the_rasterisers(corners):
     found = scan(np.array(corners), WIDTH, HEIGHT)
     assert np.array_equal(mask(found.x, found.y), drawn(corners))
@@ -54,6 +55,7 @@ def test_coverage_is_the_rasterisers_for_many_triangles():
 
 
 @given(CORNERS)
+@settings(deadline=None)
 def test_order_and_edge_functions(corners):
     found = scan(np.array(corners), WIDTH, HEIGHT)
     place = list(zip((found.y // BLOCK).tolist(), (found.x // BLOCK).tolist(), found.y.tolist(), found.x.tolist(), strict=True))
@@ -69,6 +71,7 @@ def test_order_and_edge_functions(corners):
 
 
 @given(CORNERS)
+@settings(deadline=None)
 def test_blocks_are_rejected_and_accepted_rightly(corners):
     tried = blocks(np.array(corners), WIDTH, HEIGHT)
     whole = scan(np.array(corners), 8 * BLOCK, 8 * BLOCK)
@@ -110,7 +113,15 @@ def test_the_whole_guard_band_is_exact():
         assert e.at(np.array(x), np.array(y)).tolist() == [sign * cross(p, q, (x, y)) for p, q in ((b, c), (c, a), (a, b))]
 
 
+def test_a_large_triangle():
+    found = scan(np.array([[0, 0], [2 * 700 * 256, 0], [0, 2 * 700 * 256]]), 700, 700)
+    assert len(found.x) == 700 * 700
+    assert (np.diff(found.y // BLOCK * 10**6 + found.x // BLOCK) >= 0).all()
+
+
 def test_what_is_refused():
+    with pytest.raises(InputError, match="corners: expected"):
+        scan(np.zeros((2, 3, 2), int), 9, 9)
     with pytest.raises(InputError, match=r"expected -8388608 \.\. 16777216"):
         edges(np.array([[0, 0], [1 << 25, 0], [0, 5]]))
     with pytest.raises(InputError, match="corners: expected"):

@@ -12,7 +12,7 @@ from luxel.hardware.bounds import bounds
 from luxel.hardware.float24 import FLOAT24
 from luxel.hardware.formats import FLOAT32
 from luxel.hardware.interpolator import LUXEL, PAPER, Precision, area_in_float32, barycentrics, draw, interpolate, inverse_area, shade
-from luxel.hardware.reciprocal import table
+from luxel.hardware.reciprocal import MIDDLING, SMALL, table
 from luxel.hardware.scan import edges, scan
 
 PLACES = {"small": (0, 600), "middling": (-3000, 40000), "huge": (-(1 << 23), 1 << 24)}
@@ -34,7 +34,7 @@ def triangles_and_places(rng, count, size, concentration=1.0):
     return corners[kept], at[kept]
 
 
-@pytest.mark.parametrize("precision", [LUXEL, PAPER, Precision(20, 20)])
+@pytest.mark.parametrize("precision", [LUXEL, PAPER, Precision(20, 20), Precision(17, 18, MIDDLING)])
 @pytest.mark.parametrize("size", ["small", "middling", "huge", "slivers"])
 def test_every_bit_is_that_of_exact_arithmetic(precision, size):
     rng = np.random.default_rng(1)
@@ -49,7 +49,7 @@ def test_every_bit_is_that_of_exact_arithmetic(precision, size):
             assert FLOAT24.to_fraction(shaded[k, channel]) == expected
 
 
-@pytest.mark.parametrize("precision", [LUXEL, PAPER])
+@pytest.mark.parametrize("precision", [LUXEL, PAPER, Precision(16, 16, SMALL)])
 def test_errors_stay_within_the_bounds(precision):
     limit = [float(b) for b in bounds(precision)]
     rng = np.random.default_rng(2)
@@ -75,6 +75,7 @@ def test_the_bounds_are_those_of_the_papers_claim():
     assert bounds(LUXEL).color < Fraction(1, 1 << 14)  # of full scale: a sixty-fourth of a step of 8 bits
     assert bounds(Precision(17, 17)).weight > claim  # no narrower factors would do
     assert bounds(Precision(16, 18)).weight > claim
+    assert bounds(Precision(17, 18, MIDDLING)).weight < claim < bounds(Precision(17, 18, SMALL)).weight
 
 
 def test_the_bounds_are_nearly_reached():

@@ -10,10 +10,10 @@ import pytest
 from luxel.errors import InputError
 from luxel.hardware.bounds import table_error
 from luxel.hardware.formats import FLOAT32, Format
-from luxel.hardware.reciprocal import SMALL, WIDE, Words, smallest, table
+from luxel.hardware.reciprocal import MIDDLING, SMALL, WIDE, Words, smallest, table
 
 
-@pytest.mark.parametrize(("words", "bits"), [(SMALL, 1088), (WIDE, 6400)])
+@pytest.mark.parametrize(("words", "bits"), [(SMALL, 1088), (MIDDLING, 2816), (WIDE, 6400)])
 def test_every_mantissa_is_within_one_unit_in_the_last_place(words, bits):
     n = words.fraction
     found = table(words)
@@ -45,7 +45,7 @@ def test_the_search_finds_the_smallest_table():
     assert smallest(16, 6).bits > SMALL.bits
 
 
-@pytest.mark.parametrize("words", [SMALL, WIDE])
+@pytest.mark.parametrize("words", [SMALL, MIDDLING, WIDE])
 @pytest.mark.parametrize("part", ["guard", "b", "a", "square"])
 def test_no_word_can_be_a_bit_shorter(words, part):
     with pytest.raises(InputError, match="no table of"):

@@ -53,11 +53,11 @@ def test_the_smallest_tables(results):
 def test_nothing_found_is_beyond_its_bound(results):
     for row in results[1]["widths"]:
         for what in ("beta, gamma", "alpha", "colour"):
-            assert 0.3 * row[f"{what}: bound"] < row[f"{what}: found"] <= row[f"{what}: bound"]
+            assert 0.2 * row[f"{what}: bound"] < row[f"{what}: found"] <= row[f"{what}: bound"]
         assert row["weights within 2^-16"] == ("yes" if row["beta, gamma: bound"] < 1 else "no")
-    sure = {(row["edge"], row["1 / area"]): row["weights within 2^-16"] for row in results[1]["widths"]}
-    assert sure[LUXEL.edge, LUXEL.reciprocal] == "yes"
-    assert sure[PAPER.edge, PAPER.reciprocal] == "no"
+    sure = {(row["table"], row["edge"], row["1 / area"]): row["weights within 2^-16"] for row in results[1]["widths"]}
+    assert sure[23, LUXEL.edge, LUXEL.reciprocal] == "yes"
+    assert sure[23, PAPER.edge, PAPER.reciprocal] == "no"
     for row in results[1]["errors"]:
         assert row["median"] <= row["99 %"] <= row["99.99 %"] <= row["largest"] <= row["bound"]
     worst = next(row for row in results[1]["errors"] if row["triangles"] == "searched" and row["error of"] == "beta, gamma")

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from luxel.hardware.float24 import FLOAT24
-from luxel.hardware.formats import FLOAT32, Format
+from luxel.hardware.formats import Format
 from luxel.hardware.interpolator import LUXEL, Precision
 from luxel.hardware.reciprocal import Words, table
 
@@ -46,7 +46,7 @@ class Bounds(NamedTuple):
 def bounds(precision: Precision = LUXEL) -> Bounds:
     """The bounds of an interpolator that calculates so wide."""
     u = _half(FLOAT24)
-    inverse = (1 + table_error(precision.table)) / (1 - _half(FLOAT32)) * (1 + _half(precision.reciprocal_format)) - 1
+    inverse = (1 + table_error(precision.table)) / (1 - _half(precision.area_format)) * (1 + _half(precision.reciprocal_format)) - 1
     weight = (1 + _half(precision.edge_format)) * (1 + inverse) * (1 + u) - 1
     alpha = weight + u / 2 + u * (weight + u / 2)
     heft = 1 + weight + alpha  # what the magnitudes of the three weights add up to, at most

@@ -148,8 +148,14 @@ class Format:
         return self.add(a, self.negate(b))
 
     def from_integer(self, values: Any) -> Array:
-        """Integers of at most 62 bits, rounded."""
+        """Integers of magnitudes up to 2^62, rounded.
+
+        Raises:
+            InputError: One is larger.
+        """
         values = np.asarray(values, _I)
+        if values.size and max(-int(values.min()), int(values.max())) > 1 << 62:
+            raise InputError(f"values: expected -2^62 .. 2^62, got {values.min()} .. {values.max()}")
         return self.rounded(values < 0, 0, np.abs(values))
 
     def from_float(self, values: Any) -> Array:

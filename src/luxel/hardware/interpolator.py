@@ -35,7 +35,7 @@ class Precision:
     Attributes:
         edge: Fraction bits of the float that an edge function becomes.
         reciprocal: Fraction bits of the float that the reciprocal of the area becomes.
-        table: Word lengths of the reciprocal's table, for 23 fraction bits.
+        table: Word lengths of the reciprocal's table. Its fraction bits are those that the area is rounded to: 23 make it a float32.
     """
 
     edge: int = 17
@@ -48,8 +48,13 @@ class Precision:
         return Format(7, self.edge)
 
     @property
+    def area_format(self) -> Format:
+        """Of the area and its reciprocal by the table."""
+        return Format(8, self.table.fraction, reserved=1)
+
+    @property
     def reciprocal_format(self) -> Format:
-        """Of the reciprocal of the area."""
+        """Of the reciprocal of the area as a factor."""
         return Format(7, self.reciprocal)
 
 
@@ -83,8 +88,9 @@ def area_in_float32(corners: Array) -> Array:
 
 def inverse_area(area: Array, precision: Precision = LUXEL) -> Array:
     """1 / area, in `precision.reciprocal_format`, of twice the area of triangles (exact, int64, above 0)."""
-    found = table(precision.table).reciprocal(FLOAT32.from_integer(area), FLOAT32)
-    return precision.reciprocal_format.convert(found, FLOAT32)
+    form = precision.area_format
+    found = table(precision.table).reciprocal(form.from_integer(area), form)
+    return precision.reciprocal_format.convert(found, form)
 
 
 def barycentrics(inverse: Array, l_ca: Array, l_ab: Array, precision: Precision = LUXEL) -> tuple[Array, Array, Array]:

@@ -88,6 +88,8 @@ class Words:
 
 SMALL = Words(16, 5, 1, 12, 5, 11)
 """The smallest table for 16 fraction bits."""
+MIDDLING = Words(20, 6, 2, 15, 7, 12)
+"""The smallest table for 20 fraction bits, which would do for weights within 2^-16."""
 WIDE = Words(23, 7, 2, 17, 8, 13)
 """The smallest table for the 23 fraction bits of float32."""
 

@@ -17,6 +17,7 @@ from luxel.raster.constants import GUARD_HIGH, GUARD_LOW, SUBPIXEL, SUBPIXEL_LOG
 
 BLOCK = 8
 CENTRE = SUBPIXEL // 2
+_CHUNK = 4096  # blocks at once, so that large triangles take little memory beside their fragments
 
 
 @dataclass(frozen=True)
@@ -99,8 +100,8 @@ class Fragments(NamedTuple):
 
 def blocks(corners: Array, width: int, height: int) -> Blocks:
     """Try the blocks of a triangle (3, 2) in a picture of width x height pixels, at two of its centres for each edge."""
-    e = edges(corners)
-    low, high = np.asarray(corners).min(0), np.asarray(corners).max(0)
+    corners = checked(corners, (3, 2), np.int64, "corners")
+    e, low, high = edges(corners), corners.min(0), corners.max(0)
     first = np.maximum(low - CENTRE + SUBPIXEL - 1 >> SUBPIXEL_LOG2, 0) // BLOCK
     last = np.minimum(high - CENTRE >> SUBPIXEL_LOG2, np.array([width, height]) - 1) // BLOCK
     if e.area == 0 or (last < first).any():
@@ -116,10 +117,15 @@ def blocks(corners: Array, width: int, height: int) -> Blocks:
 def scan(corners: Array, width: int, height: int) -> Fragments:
     """The fragments of a triangle (3, 2), corners as in `edges`, in a picture of width x height pixels."""
     e, tried = edges(corners), blocks(corners, width, height)
-    kept = ~tried.rejected
-    left, top = tried.x[kept] * BLOCK, tried.y[kept] * BLOCK
-    row, column = (part.ravel() for part in np.indices((BLOCK, BLOCK)))
-    x, y = (left[:, None] + column).ravel(), (top[:, None] + row).ravel()
+    kept = np.flatnonzero(~tried.rejected)
+    parts = [_covered(e, tried, kept[first : first + _CHUNK], width, height) for first in range(0, max(len(kept), 1), _CHUNK)]
+    return Fragments(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+
+
+def _covered(e: Edges, tried: Blocks, which: Array, width: int, height: int) -> Fragments:
+    """The fragments in some of the blocks."""
+    row, column = np.divmod(np.arange(BLOCK * BLOCK), BLOCK)
+    x, y = (tried.x[which, None] * BLOCK + column).ravel(), (tried.y[which, None] * BLOCK + row).ravel()
     values = e.at(x * SUBPIXEL + CENTRE, y * SUBPIXEL + CENTRE)
     inside = (values + e.bias >= 0).all(-1) & (x < width) & (y < height)
     return Fragments(x[inside], y[inside], values[inside])

@@ -12,13 +12,16 @@ from luxel.hardware import float24
 from luxel.hardware.bounds import bounds
 from luxel.hardware.formats import FLOAT32
 from luxel.hardware.interpolator import LUXEL, PAPER, Precision, area_in_float32, barycentrics, inverse_area, shade
+from luxel.hardware.reciprocal import MIDDLING, SMALL
 from luxel.hardware.scan import CENTRE, edges
 from luxel.raster.constants import GUARD_HIGH, GUARD_LOW, SUBPIXEL
 from luxel.studies.report import Report
 from luxel.studies.study import HERE, Context
 
 UNIT = 2.0**-16
-_WIDTHS = (PAPER, Precision(16, 18), Precision(17, 17), LUXEL, Precision(18, 18), Precision(20, 20))
+_WIDTHS = (
+    Precision(16, 16, SMALL), PAPER, Precision(16, 18), Precision(17, 17), Precision(17, 18, MIDDLING), LUXEL, Precision(18, 18), Precision(20, 20),
+)  # fmt: skip
 _SHOWN = {"weight": "beta, gamma", "alpha": "alpha", "color": "colour"}
 _PICTURE = 1024 * SUBPIXEL
 
@@ -128,16 +131,17 @@ def widths(context: Context, report: Report) -> None:
     for precision in _WIDTHS:
         found = [measure(part, precision) for part in cases]
         limit = bounds(precision)
-        row: dict[str, Any] = {"edge": precision.edge, "1 / area": precision.reciprocal, "source": HERE}
+        row: dict[str, Any] = {"table": precision.table.fraction, "table bits": precision.table.bits, "edge": precision.edge}
+        row |= {"1 / area": precision.reciprocal, "source": HERE}
         for name, what in _SHOWN.items():
             row[f"{what}: bound"] = float(getattr(limit, name)) / UNIT
             row[f"{what}: found"] = max(float(getattr(errors, name).max()) for errors in found)
         row["weights within 2^-16"] = "yes" if limit.weight < UNIT else "no"
         rows.append(row)
     note = (
-        "Fraction bits of an edge function and of 1 / area; the rest is float24. Errors in units of 2^-16: beta and gamma relative, alpha absolute, "
-        "colours absolute for corners from 0 to 1. 16 and 16 is float24 throughout, as in the paper; 17 and 18 is what luxel has: one product of "
-        "18 by 18 bits and an addition."
+        "Fraction bits of the area and its reciprocal by the table, of an edge function and of 1 / area as factors; the rest is float24. Errors in "
+        "units of 2^-16: beta and gamma relative, alpha absolute, colours absolute for corners from 0 to 1. 23, 16 and 16 is float32 and float24, as "
+        "in the paper; 23, 17 and 18 is what luxel has: one product of 18 by 18 bits and an addition. An area of 20 bits would do."
     )
     report.table("widths", "Precision by word length: what is sure, and the worst that was found", rows, note)
 
