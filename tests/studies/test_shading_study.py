@@ -204,9 +204,11 @@ def test_figures_of_speed(quick):
         assert ratios[-1] > 1.5
     assert all(row["classical"] == row["EC-DDA"] == 1 for row in tables["areas"])
     assert all(0 < row[name] <= 1 for row in tables["utilisation"] for name in names)
-    letter = [row for row in tables["help"] if row["scheme"] == "wave, one seed" and row["shape"] == "thin"]
-    assert max(row["missed"] for row in letter) > 0.3
-    assert all(row["missed"] == 0 for row in tables["help"] if row["scheme"] in names)
+    helped = {(row["shape"], row["area"]): row for row in tables["help"]}
+    assert set(helped) == {(row["shape"], row["area"]) for row in tables["areas"]}
+    assert helped["thin", 1024]["one seed, missed"] > 0.3 > helped["any", 1024]["one seed, missed"]
+    assert helped["thin", 1024]["no border, seeds"] > 10
+    assert 0 < helped["even", 1024]["midlines, left"] < helped["any", 1024]["midlines, left"] < 0.1
     assert {row["scheme"] for row in tables["resources"]} == set(names)
 
 

@@ -92,7 +92,9 @@ def resource_rows(rows: list[Row], area: int) -> list[Row]:
     return found
 
 
-MODEL = """## Model
+MODEL = """The last table, what holds and what does not, has the conclusions.
+
+## Model
 
 Coverage is luxel's rasteriser's: no scheme decides what a triangle covers. In a step each interpolator makes one addition and writes at most one
 pixel. An *edge* interpolator carries x and the channels down an edge, a *line* interpolator x along a span, a *code* interpolator the channels. A
@@ -164,13 +166,22 @@ def _area_tables(report: Report, rows: list[Row], setups: list[Row]) -> None:
     idle = [row | {"idle a pixel": row["idle a triangle"] / max(1.0, row["pixels a triangle"])} for row in whole]
     report.table("idle", "Idle units against area", _pivot(idle, "shape", "idle a pixel"),
                  "Steps in which a unit wrote nothing, for each pixel that was written.")  # fmt: skip
-    helped = [row for row in rows if row["scheme"] in ("midlines", "wave", "wave, seeds only", *(scheme.name for scheme in LITERAL))]
-    columns = ("shape", "area", "scheme", "units, most", "seeds, mean", "repaired", "missed")
-    report.table("help", "What midlines and the wave need", [{key: row[key] for key in columns} for row in helped],
-                 "`repaired`: part of the pixels that midlines' copies had left; `missed`: part that the wave to the letter never reaches. All other "
-                 "schemes fill every pixel, once.")  # fmt: skip
+    report.table("help", "What midlines and the wave need", _help(rows),
+                 "Midlines: part of the pixels that the copies left. Wave: seeds, and the most pixels at once; then the same without a border; "
+                 "then the part of the pixels that one seed never reaches. All other schemes fill every pixel, once.")  # fmt: skip
     report.table("setup", "What set-up does to the speed-up", _pivot(setups, "set-up", "speed-up"),
                  "Triangles of any shape; over one interpolator with the same set-up. A wave always takes the plane's slopes.")  # fmt: skip
+
+
+def _help(rows: list[Row]) -> list[Row]:
+    cells = {("midlines", "repaired"): "midlines, left", ("wave", "seeds, mean"): "wave, seeds", ("wave", "units, most"): "wave, most at once",
+             ("wave, seeds only", "seeds, mean"): "no border, seeds", ("wave, seeds only", "units, most"): "no border, most at once",
+             ("wave, one seed", "missed"): "one seed, missed", ("wave, border, one seed", "missed"): "border and one seed, missed"}  # fmt: skip
+    found: dict[tuple[str, int], Row] = {}
+    for row in rows:
+        here = found.setdefault((row["shape"], row["area"]), {"shape": row["shape"], "area": row["area"]})
+        here |= {label: row[key] for (scheme, key), label in cells.items() if scheme == row["scheme"]}
+    return list(found.values())
 
 
 def _pivot(rows: list[Row], kind: str, value: str) -> list[Row]:
@@ -220,7 +231,9 @@ def _cost_figure(report: Report, rows: list[Row], area: int) -> None:
         axes.plot([base["adders, RGB"], most], [1, most / base["adders, RGB"]], "--", color="grey")
         for row in rows:
             place = row["adders, RGB"], row["speed-up"]
-            below = row["scheme"] in ("interleaved 2", "EC-DDA", "interleaved 4, own strides")
+            if "own strides" in row["scheme"]:  # the same place as with added ones
+                continue
+            below = row["scheme"] in ("interleaved 2", "interleaved 3", "EC-DDA")
             axes.plot(*place, "o", color="C0" if row["scheme"] in {s.name for s in SCHEMES} else "C1")
             axes.annotate(row["scheme"], place, xytext=(5, -9 if below else 3), textcoords="offset points", fontsize=7)
         plain_ticks(axes, "x", [2**k for k in range(3, 11) if 2**k < 2 * most])
