@@ -160,33 +160,18 @@ def run_wave(todo, again, units, seed, rows, start, across, down, bits, row_setu
     """
     height, width = todo.shape
     size = int(todo.sum()) + 1
-    qx, qy = np.empty(size, np.int64), np.empty(size, np.int64)
-    v = np.zeros((len(across), 1), np.int64)
+    queue, v = np.empty((size, 2), np.int64), np.zeros((len(across), 1), np.int64)
     clock, head, tail, k, seeds, most = np.int64(begun), 0, 0, 0, 0, 0
     if 0 <= seed[1] < height and 0 <= seed[0] < width and todo[seed[1], seed[0]]:
-        while rows[k, 0] != seed[1]:
-            k += 1
-        plant(seed[0], seed[1], k, rows, start, across, bits, todo, value)
-        qx[0], qy[0], tail, seeds, k = seed[0], seed[1], 1, 1, 0
+        own = np.searchsorted(rows[:, 0], seed[1])
+        plant(seed[0], own, rows, start, across, bits, todo, value, queue, tail)
+        tail, seeds = 1, 1
     while True:
         while head < tail:
             many = tail - head if units == 0 else min(units, tail - head)
             most = max(most, many)
-            for i in range(many):
-                x, y = qx[head], qy[head]
-                head += 1
-                for c in range(len(v)):
-                    v[c, 0] = value[c, y, x]
-                put(y, x, clock, i, v, 0, step, unit, writes, value)
-                for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-                    nx, ny = x + dx, y + dy
-                    if 0 <= nx < width and 0 <= ny < height and todo[ny, nx]:
-                        todo[ny, nx] = 0
-                        for c in range(len(v)):
-                            value[c, ny, nx] = held(v[c, 0] + dx * across[c] + dy * down[c], bits)
-                        qx[tail], qy[tail] = nx, ny
-                        tail += 1
-            clock += 1
+            tail = spread(queue, head, many, tail, clock, across, down, bits, v, todo, step, unit, writes, value)
+            head, clock = head + many, clock + 1
         if seeds and not again:
             break
         x = np.int64(-1)
@@ -196,16 +181,38 @@ def run_wave(todo, again, units, seed, rows, start, across, down, bits, row_setu
             k += x < 0
         if x < 0:
             break
-        plant(x, rows[k, 0], k, rows, start, across, bits, todo, value)
-        qx[tail], qy[tail] = x, rows[k, 0]
+        plant(x, k, rows, start, across, bits, todo, value, queue, tail)
         tail, seeds = tail + 1, seeds + 1
     told[0], told[1], told[2] = seeds, most, clock
 
 
 @jit.part
-def plant(x, y, k, rows, start, across, bits, todo, value):
-    """Activate a seed: its value is the left end's and as many slopes as it is away from there."""
+def spread(queue, head, many, tail, clock, across, down, bits, v, todo, step, unit, writes, value):
+    """One step: `many` active pixels of the queue are written and activate their neighbours; returns the queue's new end."""
+    height, width = todo.shape
+    for i in range(many):
+        x, y = queue[head + i, 0], queue[head + i, 1]
+        for c in range(len(v)):
+            v[c, 0] = value[c, y, x]
+        put(y, x, clock, i, v, 0, step, unit, writes, value)
+        for way in range(4):
+            dx, dy = (way == 0) - (way == 1), (way == 2) - (way == 3)
+            nx, ny = x + dx, y + dy
+            if 0 <= nx < width and 0 <= ny < height and todo[ny, nx]:
+                todo[ny, nx] = 0
+                for c in range(len(v)):
+                    value[c, ny, nx] = held(v[c, 0] + dx * across[c] + dy * down[c], bits)
+                queue[tail, 0], queue[tail, 1] = nx, ny
+                tail += 1
+    return tail
+
+
+@jit.part
+def plant(x, k, rows, start, across, bits, todo, value, queue, tail):
+    """Activate a seed in row k of the spans: its value is the left end's and as many slopes as it is away from there."""
+    y = rows[k, 0]
     todo[y, x] = 0
+    queue[tail, 0], queue[tail, 1] = x, y
     for c in range(len(across)):
         value[c, y, x] = held(start[k, c] + (x - rows[k, 1]) * across[c], bits)
 
