@@ -1,0 +1,185 @@
+"""`luxel bake`, from the command line."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+import luxel
+from luxel.cli import main
+from luxel.io.images import read_image, write_exr, write_png
+from luxel.scene import Light
+from luxel.scene.builtin import cornell_box
+
+pytest.importorskip("xatlas")
+QUICK = ("--quality", "draft", "--density", "25")
+
+
+@pytest.fixture
+def box(tmp_path):
+    """The Cornell box with its lamp alone."""
+    scene = cornell_box()
+    scene.lights, scene.ambient = [], None
+    luxel.save(scene, tmp_path / "box.glb")
+    return tmp_path / "box.glb"
+
+
+def bake(capsys, *words):
+    """What a bake says as JSON."""
+    assert main(["bake", *map(str, words), "--json"]) == 0
+    out, _ = capsys.readouterr()
+    return json.loads(out)
+
+
+def error_of(capsys, *words):
+    code = main(["bake", *map(str, words)])
+    out, err = capsys.readouterr()
+    assert code == 2, err
+    assert out == ""
+    assert err.startswith("luxel: error: ")
+    assert err.count("\n") == 1
+    return err
+
+
+def test_a_file_becomes_a_lit_file(capsys, box, tmp_path):
+    said = bake(capsys, box, "-o", tmp_path / "lit.glb", *QUICK, "--preview", tmp_path / "p.png", "--ao", "0.1")
+    assert said["output"] == [str(tmp_path / "lit.glb"), str(tmp_path / "p.png")]
+    assert said["finished"]
+    assert said["unshot"] <= 0.005
+    watts = {name: np.array(value) for name, value in said["watts"].items()}
+    assert np.allclose(watts["emitted"], watts["absorbed"] + watts["escaped"] + watts["unshot"], rtol=1e-4)
+    lit = luxel.load(tmp_path / "lit.glb")
+    material = next(m for m in lit.materials if m.name == "white")
+    light = lit.textures[material.lightmap_texture.texture].image
+    assert light.dtype == np.float32
+    assert light.max() > 0.1
+    assert material.occlusion_texture is not None
+    assert read_image(tmp_path / "p.png").shape == (540, 960, 4)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["box.glb", "lit.glb", "p.png"]
+
+
+def test_people_read_one_line(capsys, box, tmp_path):
+    assert main(["bake", str(box), "-o", str(tmp_path / "lit.gltf"), *QUICK, "--convention", "unlit", "--white", "20"]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith(f"{tmp_path / 'lit.gltf'}  (1,")
+    assert "luxels on a page of" in out
+    assert out.count("\n") == 1
+    assert {m.shading for m in luxel.load(tmp_path / "lit.gltf").materials} == {"unlit"}
+
+
+def test_exr_files_and_indirect_light_alone(capsys, box, tmp_path):
+    pytest.importorskip("OpenEXR")
+    whole = bake(capsys, box, "-o", tmp_path / "a.glb", *QUICK, "--convention", "sidecar")
+    part = bake(capsys, box, "-o", tmp_path / "b.glb", *QUICK, "--exr", "--only-indirect")
+    a, b = read_image(whole["output"][1]), read_image(part["output"][1])
+    assert a.shape == b.shape
+    assert b.sum() < 0.9 * a.sum()
+    assert b.sum() > 0.1 * a.sum()
+
+
+def test_skies_light_a_scene_without_lamps(capsys, tmp_path):
+    luxel.save(luxel.scene.builtin.plane(), tmp_path / "plane.ply")
+    picture = np.zeros((64, 128, 3), np.uint8)
+    picture[:32] = 255  # white above
+    write_png(tmp_path / "sky.png", picture)
+    means = {}
+    for sky in ("2", "2,2,2", "0,0,1", str(tmp_path / "sky.png")):
+        said = bake(capsys, tmp_path / "plane.ply", "-o", tmp_path / "lit.glb", "--quality", "draft", "--density", "8", "--sky", sky)
+        means[sky] = said["mean_irradiance"]
+    assert means["2"] == means["2,2,2"] == pytest.approx([2 * np.pi] * 3, rel=0.02)
+    assert means["0,0,1"] == pytest.approx([0, 0, np.pi], rel=0.02)
+    assert means[str(tmp_path / "sky.png")] == pytest.approx([np.pi] * 3, rel=0.02)
+
+
+def test_dry_run_tells_and_writes_nothing(capsys, box, tmp_path):
+    said = bake(capsys, box, "--dry-run", "--density", "50")
+    assert said["serves"]
+    assert said["density"]["median"] == pytest.approx(50, rel=0.05)
+    assert main(["bake", str(box), "--dry-run"]) == 0
+    out = capsys.readouterr().out
+    assert all(word in out for word in ("luxels", "overlap", "memory", "time"))
+    assert [p.name for p in tmp_path.iterdir()] == ["box.glb"]
+
+
+def test_what_was_stopped_goes_on_to_the_same_light(capsys, box, tmp_path):
+    words = (box, "-o", tmp_path / "a.glb", *QUICK)
+    whole = bake(capsys, *words)
+    begun = bake(capsys, box, "-o", tmp_path / "b.glb", *QUICK, "--seconds", "1e-9")
+    assert not begun["finished"]
+    assert (tmp_path / "b.glb.state").is_file()
+    ended = bake(capsys, box, "-o", tmp_path / "b.glb", *QUICK, "--resume", "--threads", "1")
+    assert ended["finished"]
+    assert begun["shots"] < ended["shots"] == whole["shots"]
+    assert not (tmp_path / "b.glb.state").exists()
+    assert (tmp_path / "a.glb").read_bytes() == (tmp_path / "b.glb").read_bytes()
+    assert main(["bake", *map(str, words), "--resume", "-q"]) == 0  # nothing to resume is no fault
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+def test_an_interrupted_bake_keeps_its_state_and_writes_nothing_half(box, tmp_path):
+    out, preview = tmp_path / "lit.glb", tmp_path / "p.png"
+    words = ["bake", box, "-o", out, "--quality", "final", "--density", "100", "--tolerance", "1e-7", "--preview", preview]
+    process = subprocess.Popen([sys.executable, "-m", "luxel", *map(str, words)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 240
+    while not preview.exists() and process.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    assert "--resume goes on" in err
+    assert sorted(os.listdir(tmp_path)) == ["box.glb", "lit.glb.state", "p.png"]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--quality", "best"), "--quality: expected one of draft, normal, final, got 'best'"),
+        (("--density", "0"), "--density: expected a number above 0"),
+        (("--tolerance", "2"), "--tolerance: expected a share between 0 and 1"),
+        (("--convention", "mozz"), "did you mean moz?"),
+        (("--white", "-1"), "--white: expected a radiance above 0"),
+        (("--page", "4"), "--page: expected a whole number from 16"),
+        (("--ao", "none"), "--ao: expected metres above 0"),
+        (("--sky", "blue"), "--sky: expected a number, R,G,B, or a picture"),
+        (("--sky", "-1"), "--sky: expected radiance of at least 0"),
+        (("--sky", "none.hdr"), "none.hdr"),
+        (("-o", "lit.obj"), "expected a file name that ends in one of .glb, .gltf"),
+        (("-o", "none/lit.glb"), "there is no folder 'none'"),
+        (("--preview", "p.exr"), "--preview: expected a file name that ends in one of .png"),
+        (("--checkpoint", "none/state"), "there is no folder"),
+        (("--threads", "0"), "--threads: expected a whole number"),
+    ],
+)
+def test_wrong_words_are_told_before_the_file_is_read(capsys, tmp_path, monkeypatch, words, said):
+    monkeypatch.chdir(tmp_path)
+    assert said in error_of(capsys, tmp_path / "missing.glb", *words)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_scene_without_light(capsys, tmp_path):
+    luxel.save(luxel.scene.builtin.plane(), tmp_path / "plane.ply")
+    assert "nothing shines" in error_of(capsys, tmp_path / "plane.ply", "-o", tmp_path / "lit.glb", "--density", "4")
+    assert [p.name for p in tmp_path.iterdir()] == ["plane.ply"]
+
+
+def test_lamps_can_be_left_out(capsys, tmp_path):
+    scene = cornell_box()
+    scene.lights, scene.ambient = [Light("point", intensity=0.2, world_from_light=luxel.scene.transforms.translation((0.3, 0.3, 0.3)))], None
+    luxel.save(scene, tmp_path / "box.glb")
+    bake(capsys, tmp_path / "box.glb", "-o", tmp_path / "lit.glb", *QUICK)
+    assert len(luxel.load(tmp_path / "lit.glb").lights) == 1
+    bake(capsys, tmp_path / "box.glb", "-o", tmp_path / "lit.glb", *QUICK, "--no-lights")
+    assert not luxel.load(tmp_path / "lit.glb").lights
+
+
+def test_skies_may_be_of_any_range(capsys, tmp_path):
+    pytest.importorskip("OpenEXR")
+    luxel.save(luxel.scene.builtin.plane(), tmp_path / "plane.ply")
+    write_exr(tmp_path / "sky.exr", {"": np.full((64, 128, 3), 7, np.float32)})
+    said = bake(capsys, tmp_path / "plane.ply", "-o", tmp_path / "lit.glb", "--quality", "draft", "--density", "8", "--sky", tmp_path / "sky.exr")
+    assert said["mean_irradiance"] == pytest.approx([7 * np.pi] * 3, rel=0.02)
