@@ -101,45 +101,30 @@ if jit.DISABLED:
 
 else:
     from luxel.jit import array_data, intrinsic, ir, types
-
-    _INT, _LONG = ir.IntType(32), ir.IntType(64)
+    from luxel.vectors import BIT, INT, LONG, load, multiply_add, splat, store, store_where
 
     class _Vectors:
         """Writes vector instructions for arrays of one dtype."""
 
         def __init__(self, builder, element, lanes=None):
-            self.builder, self.bytes = builder, 4 if isinstance(element, ir.FloatType) else 8
-            self.lanes = lanes or LINE // self.bytes
+            self.builder = builder
+            self.lanes = lanes or LINE // (4 if isinstance(element, ir.FloatType) else 8)
             self.type = ir.VectorType(element, self.lanes)
             # Where LLVM prefers half the machine's width, for the sake of other code's clock rate, ask for the whole width (unknown names
             # are checked by `add`, hence set.add; machines without such vectors ignore it).
             set.add(builder.function.attributes, f'"min-legal-vector-width"="{8 * LINE}"')
 
         def splat(self, value):
-            one = self.builder.insert_element(ir.Constant(self.type, ir.Undefined), value, ir.Constant(_INT, 0))
-            mask = ir.Constant(ir.VectorType(_INT, self.lanes), [0] * self.lanes)
-            return self.builder.shuffle_vector(one, ir.Constant(self.type, ir.Undefined), mask)
+            return splat(self.builder, value, self.type)
 
         def load(self, pointer, place):
-            return self.builder.load(self._at(pointer, place), align=self.bytes)
+            return load(self.builder, pointer, place, self.type)
 
         def store(self, value, pointer, place):
-            self.builder.store(value, self._at(pointer, place), align=self.bytes)
-
-        def store_where(self, mask, value, pointer, place):
-            name = f"llvm.masked.store.v{self.lanes}f{8 * self.bytes}.p0"
-            kind = ir.FunctionType(ir.VoidType(), [self.type, self.type.as_pointer(), _INT, mask.type])
-            function = self.builder.module.globals.get(name) or ir.Function(self.builder.module, kind, name)
-            self.builder.call(function, [value, self._at(pointer, place), ir.Constant(_INT, self.bytes), mask])
-
-        def _at(self, pointer, place):
-            return self.builder.bitcast(self.builder.gep(pointer, [place]), self.type.as_pointer())
+            store(self.builder, value, pointer, place)
 
         def fma(self, a, b, c):
-            name = f"llvm.fmuladd.v{self.lanes}f{8 * self.bytes}"
-            function = self.builder.module.globals.get(name)
-            function = function or ir.Function(self.builder.module, ir.FunctionType(self.type, [self.type] * 3), name)
-            return self.builder.call(function, [a, b, c])
+            return multiply_add(self.builder, a, b, c)
 
         def times(self, a, b, conjugate=False):
             """(re, im) of the product of two pairs; of `a` and the conjugate of `b` where wanted."""
@@ -159,7 +144,7 @@ else:
         return context.get_value_type(signature.args[which].dtype)
 
     def _long(value):
-        return ir.Constant(_LONG, value)
+        return ir.Constant(LONG, value)
 
     def _weighted(rows):
         """Code for `weighted_sums` of `rows` rows at once: what is loaded serves all of them."""
@@ -174,7 +159,7 @@ else:
             done = builder.append_basic_block("taps_done")
             builder.branch(loop)
             builder.position_at_end(loop)
-            k, sums = builder.phi(_LONG), [[builder.phi(vectors.type) for _ in range(SUMS)] for _ in range(rows)]
+            k, sums = builder.phi(LONG), [[builder.phi(vectors.type) for _ in range(SUMS)] for _ in range(rows)]
             places = [builder.add(builder.mul(k, _long(rows)), _long(row)) for row in range(rows)]
             factors = [vectors.splat(builder.load(builder.gep(pointers[weights], [place]))) for place in places]
             line = builder.gep(x_start, [builder.load(builder.gep(pointers[offsets], [k]))])
@@ -257,7 +242,7 @@ else:
         for size in (4, 2, 1):
             low = [i if not i & size else i - size + SQUARE for i in range(SQUARE)]  # of a row and the one `size` below
             high = [i + size if not i & size else i + SQUARE for i in range(SQUARE)]
-            masks = [ir.Constant(ir.VectorType(_INT, SQUARE), mask) for mask in (low, high)]
+            masks = [ir.Constant(ir.VectorType(INT, SQUARE), mask) for mask in (low, high)]
             turned = list(rows)
             for i in range(SQUARE):
                 if not i & size:
@@ -324,7 +309,7 @@ else:
             def write(vectors, count):
                 wide = _Vectors(builder, element, vectors.lanes * count)
                 numbers = wide.load(source, arguments[3])
-                mask = ir.Constant(ir.VectorType(_INT, vectors.lanes), [count * lane for lane in range(vectors.lanes)])
+                mask = ir.Constant(ir.VectorType(INT, vectors.lanes), [count * lane for lane in range(vectors.lanes)])
                 vectors.store(builder.shuffle_vector(numbers, ir.Constant(wide.type, ir.Undefined), mask), part, arguments[1])
 
             _by_channels(write)(builder, _Vectors(builder, element), arguments[4])
@@ -343,10 +328,10 @@ else:
                 value, lanes = vectors.load(part, arguments[4]), vectors.lanes
                 for k in range(count):
                     places = [k * lanes + lane for lane in range(lanes)]
-                    spread = ir.Constant(ir.VectorType(_INT, lanes), [place // count for place in places])
-                    mask = ir.Constant(ir.VectorType(ir.IntType(1), lanes), [int(place % count == 0) for place in places])
+                    spread = ir.Constant(ir.VectorType(INT, lanes), [place // count for place in places])
+                    mask = ir.Constant(ir.VectorType(BIT, lanes), [int(place % count == 0) for place in places])
                     numbers = builder.shuffle_vector(value, ir.Constant(vectors.type, ir.Undefined), spread)
-                    vectors.store_where(mask, numbers, out, builder.add(arguments[1], _long(k * lanes)))
+                    store_where(builder, mask, numbers, out, builder.add(arguments[1], _long(k * lanes)))
 
             _by_channels(write)(builder, _Vectors(builder, _element(signature, context, 0)), arguments[2])
             return context.get_dummy_value()

@@ -46,56 +46,49 @@ if jit.DISABLED:
 
 else:
     from luxel.jit import array_data, cgutils, intrinsic, ir, types
+    from luxel.vectors import FLOAT, INT, LONG, load, splat, store
 
-    _F, _I, _B, _L = ir.FloatType(), ir.IntType(32), ir.IntType(1), ir.IntType(64)
-    _VF, _VI = ir.VectorType(_F, LANES), ir.VectorType(_I, LANES)
-    _IOTA_I = ir.Constant(_VI, list(range(LANES)))
-    _IOTA_F = ir.Constant(_VF, [float(k) for k in range(LANES)])
+    VF, VI = ir.VectorType(FLOAT, LANES), ir.VectorType(INT, LANES)
+    _IOTA_I = ir.Constant(VI, list(range(LANES)))
+    IOTA = ir.Constant(VF, [float(k) for k in range(LANES)])
 
-    def _splat(builder, value, vector):
-        one = builder.insert_element(ir.Constant(vector, ir.Undefined), value, ir.Constant(_I, 0))
-        return builder.shuffle_vector(one, ir.Constant(vector, ir.Undefined), ir.Constant(ir.VectorType(_I, LANES), [0] * LANES))
-
-    def _blend(builder, depth, ids, mask, d, low, high, t, counting):
-        """Eight lanes of `draw_pixel` at the pointers `depth` and `ids`, where `mask`."""
-        low, high = _splat(builder, low, _VF), _splat(builder, high, _VF)
+    def _blend(builder, depth, ids, i, mask, d, low, high, t, counting):
+        """Eight lanes of `draw_pixel` from element `i` on, where `mask`."""
+        low, high = splat(builder, low, VF), splat(builder, high, VF)
         d = builder.select(builder.fcmp_ordered(">", d, low), d, low)
         d = builder.select(builder.fcmp_ordered("<", d, high), d, high)
-        depth = builder.bitcast(depth, _VF.as_pointer())
-        ids = builder.bitcast(ids, _VI.as_pointer())
-        old_depth, old_ids = builder.load(depth), builder.load(ids)
-        old_depth.align = old_ids.align = 4
+        old_depth, old_ids = load(builder, depth, i, VF), load(builder, ids, i, VI)
         counts = not isinstance(counting, types.NoneType)
         mask = builder.and_(mask, builder.fcmp_ordered(">=" if counts else ">", d, old_depth))
-        new_ids = builder.add(old_ids, ir.Constant(_VI, [1] * LANES)) if counts else _splat(builder, t, _VI)
-        builder.store(builder.select(mask, d, old_depth), depth, align=4)
-        builder.store(builder.select(mask, new_ids, old_ids), ids, align=4)
+        new_ids = builder.add(old_ids, ir.Constant(VI, [1] * LANES)) if counts else splat(builder, t, VI)
+        store(builder, builder.select(mask, d, old_depth), depth, i)
+        store(builder, builder.select(mask, new_ids, old_ids), ids, i)
 
-    def _from(builder, start, vector):
+    def counting_from(builder, start, vector):
         """start, start + 1, ... and what to add for the next group."""
-        first = _splat(builder, start, vector)
-        return (builder.fadd(first, _IOTA_F), ir.Constant(_VF, [float(LANES)] * LANES)) if vector is _VF else (
-            builder.add(first, _IOTA_I), ir.Constant(_VI, [LANES] * LANES))  # fmt: skip
+        first = splat(builder, start, vector)
+        return (builder.fadd(first, IOTA), ir.Constant(VF, [float(LANES)] * LANES)) if vector is VF else (
+            builder.add(first, _IOTA_I), ir.Constant(VI, [LANES] * LANES))  # fmt: skip
 
     def _depths(builder, x, z, slope):
-        return builder.fadd(_splat(builder, z, _VF), builder.fmul(_splat(builder, slope, _VF), x))
+        return builder.fadd(splat(builder, z, VF), builder.fmul(splat(builder, slope, VF), x))
 
     @contextmanager
-    def _groups(builder, count, *growing):
+    def groups(builder, count, *growing):
         """Loop over groups of lanes, at least once: gives the first pixel k of the group, and the vectors `growing`, pairs of what they are
         in the first group and what is added for each next."""
         entry, loop = builder.block, builder.append_basic_block("group")
         done = builder.append_basic_block("groups_done")
         builder.branch(loop)
         builder.position_at_end(loop)
-        k, values = builder.phi(_L), [builder.phi(start.type) for start, _ in growing]
-        k.add_incoming(ir.Constant(_L, 0), entry)
+        k, values = builder.phi(LONG), [builder.phi(start.type) for start, _ in growing]
+        k.add_incoming(ir.Constant(LONG, 0), entry)
         for value, (start, _) in zip(values, growing, strict=True):
             value.add_incoming(start, entry)
         yield k, values
         for value, (_, step) in zip(values, growing, strict=True):
-            value.add_incoming((builder.fadd if value.type == _VF else builder.add)(value, step), builder.block)
-        following = builder.add(k, ir.Constant(_L, LANES))
+            value.add_incoming((builder.fadd if value.type == VF else builder.add)(value, step), builder.block)
+        following = builder.add(k, ir.Constant(LONG, LANES))
         k.add_incoming(following, builder.block)
         builder.cbranch(builder.icmp_signed("<", following, count), loop, done)
         builder.position_at_end(done)
@@ -109,11 +102,11 @@ else:
             depth = array_data(context, builder, signature, arguments, 0)
             ids = array_data(context, builder, signature, arguments, 1)
             end = builder.add(skip, count)
-            begun, ended = (_splat(builder, builder.trunc(number, _I), _VI) for number in (skip, end))
-            with _groups(builder, end, _from(builder, ir.Constant(_I, 0), _VI), _from(builder, x, _VF)) as (k, (lane, x)):
+            begun, ended = (splat(builder, builder.trunc(number, INT), VI) for number in (skip, end))
+            with groups(builder, end, counting_from(builder, ir.Constant(INT, 0), VI), counting_from(builder, x, VF)) as (k, (lane, x)):
                 i = builder.add(first, k)
                 mask = builder.and_(builder.icmp_signed(">=", lane, begun), builder.icmp_signed("<", lane, ended))
-                _blend(builder, builder.gep(depth, [i]), builder.gep(ids, [i]), mask, _depths(builder, x, z, slope), low, high, t, counting)
+                _blend(builder, depth, ids, i, mask, _depths(builder, x, z, slope), low, high, t, counting)
             return context.get_dummy_value()
 
         f, i = types.float32, types.int64
@@ -129,12 +122,12 @@ else:
             ids = array_data(context, builder, signature, arguments, 1)
             growing = []
             for e, a in zip(edges[:3], edges[3:], strict=True):
-                a = _splat(builder, a, _VI)
-                growing.append((builder.add(_splat(builder, e, _VI), builder.mul(a, _IOTA_I)), builder.shl(a, ir.Constant(_VI, [3] * LANES))))
-            with _groups(builder, count, *growing, _from(builder, x, _VF)) as (k, (e0, e1, e2, x)):
-                inside = builder.icmp_signed(">=", builder.or_(builder.or_(e0, e1), e2), ir.Constant(_VI, [0] * LANES))
+                a = splat(builder, a, VI)
+                growing.append((builder.add(splat(builder, e, VI), builder.mul(a, _IOTA_I)), builder.shl(a, ir.Constant(VI, [3] * LANES))))
+            with groups(builder, count, *growing, counting_from(builder, x, VF)) as (k, (e0, e1, e2, x)):
+                inside = builder.icmp_signed(">=", builder.or_(builder.or_(e0, e1), e2), ir.Constant(VI, [0] * LANES))
                 i = builder.add(first, k)
-                _blend(builder, builder.gep(depth, [i]), builder.gep(ids, [i]), inside, _depths(builder, x, z, slope), low, high, t, counting)
+                _blend(builder, depth, ids, i, inside, _depths(builder, x, z, slope), low, high, t, counting)
             return context.get_dummy_value()
 
         f, i, e = types.float32, types.int64, types.int32
@@ -147,9 +140,9 @@ else:
         def codegen(context, builder, signature, arguments):
             pointer = builder.gep(array_data(context, builder, signature, arguments, 0), [arguments[1]])
             pointer = builder.bitcast(pointer, ir.IntType(8).as_pointer())
-            function_type = ir.FunctionType(ir.VoidType(), [ir.IntType(8).as_pointer(), _I, _I, _I])
+            function_type = ir.FunctionType(ir.VoidType(), [ir.IntType(8).as_pointer(), INT, INT, INT])
             function = cgutils.get_or_insert_function(builder.module, function_type, "llvm.prefetch.p0")
-            builder.call(function, [pointer, ir.Constant(_I, 0), ir.Constant(_I, 3), ir.Constant(_I, 1)])
+            builder.call(function, [pointer, ir.Constant(INT, 0), ir.Constant(INT, 3), ir.Constant(INT, 1)])
             return context.get_dummy_value()
 
         return types.none(array, types.int64), codegen

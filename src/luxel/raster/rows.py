@@ -60,15 +60,11 @@ if jit.DISABLED:
             g[first + k] = (slope - (g[value + k] - origin) * slope_w) * (g[scale + k] * footprint)
 
 else:
-    from luxel.jit import array_data, cgutils, intrinsic, ir, types
-    from luxel.raster.lanes import _B, _F, _I, _IOTA_F, _L, _VF, _VI, _from, _groups, _splat
+    from luxel.jit import array_data, intrinsic, ir, types
+    from luxel.raster.lanes import IOTA, VF, VI, counting_from, groups
+    from luxel.vectors import FLOAT, INT, LONG, load, splat, store, store_where
 
     _BITS = ir.IntType(LANES)
-
-    def _ids(builder, data, index):
-        loaded = builder.load(builder.bitcast(builder.gep(data, [index]), _VI.as_pointer()))
-        loaded.align = 4
-        return loaded
 
     @intrinsic
     def where_same(typingctx, ids, first, second, count):
@@ -79,17 +75,17 @@ else:
             entry, loop, done = builder.block, builder.append_basic_block("bits"), builder.append_basic_block("bits_done")
             builder.branch(loop)
             builder.position_at_end(loop)
-            k, word = builder.phi(_L), builder.phi(_L)
-            k.add_incoming(ir.Constant(_L, 0), entry)
-            word.add_incoming(ir.Constant(_L, 0), entry)
-            same = builder.icmp_signed("==", _ids(builder, data, builder.add(first, k)), _ids(builder, data, builder.add(second, k)))
-            more = builder.or_(word, builder.shl(builder.zext(builder.bitcast(same, _BITS), _L), k))
-            following = builder.add(k, ir.Constant(_L, LANES))
+            k, word = builder.phi(LONG), builder.phi(LONG)
+            k.add_incoming(ir.Constant(LONG, 0), entry)
+            word.add_incoming(ir.Constant(LONG, 0), entry)
+            same = builder.icmp_signed("==", load(builder, data, builder.add(first, k), VI), load(builder, data, builder.add(second, k), VI))
+            more = builder.or_(word, builder.shl(builder.zext(builder.bitcast(same, _BITS), LONG), k))
+            following = builder.add(k, ir.Constant(LONG, LANES))
             k.add_incoming(following, loop)
             word.add_incoming(more, loop)
             builder.cbranch(builder.icmp_signed("<", following, count), loop, done)
             builder.position_at_end(done)
-            unused = builder.sub(ir.Constant(_L, WORD), count)
+            unused = builder.sub(ir.Constant(LONG, WORD), count)
             return builder.lshr(builder.shl(more, unused), unused)
 
         return types.uint64(ids, types.int64, types.int64, types.int64), codegen
@@ -101,23 +97,23 @@ else:
         def codegen(context, builder, signature, arguments):
             _, first, pixels, samples, s, _, at = arguments
             data, target = (array_data(context, builder, signature, arguments, which) for which in (0, 5))
-            mine = _ids(builder, data, builder.add(first, builder.mul(s, pixels)))
-            none = ir.Constant(_VI, [0] * LANES)
+            mine = load(builder, data, builder.add(first, builder.mul(s, pixels)), VI)
+            none = ir.Constant(VI, [0] * LANES)
             entry, loop, done = builder.block, builder.append_basic_block("samples"), builder.append_basic_block("samples_done")
             builder.branch(loop)
             builder.position_at_end(loop)
-            other, plane, bit, bits = builder.phi(_L), builder.phi(_L), builder.phi(_VI), builder.phi(_VI)
-            for value, start in ((other, ir.Constant(_L, 0)), (plane, first), (bit, ir.Constant(_VI, [1] * LANES)), (bits, none)):
+            other, plane, bit, bits = builder.phi(LONG), builder.phi(LONG), builder.phi(VI), builder.phi(VI)
+            for value, start in ((other, ir.Constant(LONG, 0)), (plane, first), (bit, ir.Constant(VI, [1] * LANES)), (bits, none)):
                 value.add_incoming(start, entry)
-            same = builder.icmp_signed("==", mine, _ids(builder, data, plane))
-            more, following = builder.or_(bits, builder.select(same, bit, none)), builder.add(other, ir.Constant(_L, 1))
+            same = builder.icmp_signed("==", mine, load(builder, data, plane, VI))
+            more, following = builder.or_(bits, builder.select(same, bit, none)), builder.add(other, ir.Constant(LONG, 1))
             other.add_incoming(following, loop)
             plane.add_incoming(builder.add(plane, pixels), loop)
             bit.add_incoming(builder.add(bit, bit), loop)
             bits.add_incoming(more, loop)
             builder.cbranch(builder.icmp_signed("<", following, samples), loop, done)
             builder.position_at_end(done)
-            builder.store(more, builder.bitcast(builder.gep(target, [at]), _VI.as_pointer()), align=4)
+            store(builder, more, target, at)
             return context.get_dummy_value()
 
         i = types.int64
@@ -132,18 +128,18 @@ else:
             data, target = (array_data(context, builder, signature, arguments, which) for which in (0, 3))
 
             def step(start, by):
-                return [builder.add(start, builder.mul(by, ir.Constant(_L, s))) for s in range(4)]
+                return [builder.add(start, builder.mul(by, ir.Constant(LONG, s))) for s in range(4)]
 
-            loaded = [_ids(builder, data, index) for index in step(first, pixels)]
-            bits = [ir.Constant(_VI, [1 << s] * LANES) for s in range(4)]
+            loaded = [load(builder, data, index, VI) for index in step(first, pixels)]
+            bits = [ir.Constant(VI, [1 << s] * LANES) for s in range(4)]
             sums = list(bits)
             for s in range(4):
                 for other in range(s + 1, 4):
-                    equal = builder.sext(builder.icmp_signed("==", loaded[s], loaded[other]), _VI)
+                    equal = builder.sext(builder.icmp_signed("==", loaded[s], loaded[other]), VI)
                     sums[s] = builder.or_(sums[s], builder.and_(equal, bits[other]))
                     sums[other] = builder.or_(sums[other], builder.and_(equal, bits[s]))
             for value, index in zip(sums, step(at, pitch), strict=True):
-                builder.store(value, builder.bitcast(builder.gep(target, [index]), _VI.as_pointer()), align=4)
+                store(builder, value, target, index)
             return context.get_dummy_value()
 
         i = types.int64
@@ -156,26 +152,13 @@ else:
         def codegen(context, builder, signature, arguments):
             _, at, _, first, count = arguments
             target, source = (array_data(context, builder, signature, arguments, which) for which in (0, 2))
-            pointer = _VI.as_pointer()
-            function_type = ir.FunctionType(ir.VoidType(), [_VI, pointer, _I, ir.VectorType(_B, LANES)])
-            store = cgutils.get_or_insert_function(builder.module, function_type, "llvm.masked.store.v8i32.p0")
-            end = _splat(builder, builder.trunc(count, _I), _VI)
-            with _groups(builder, count, _from(builder, ir.Constant(_I, 0), _VI)) as (k, (lane,)):
+            end = splat(builder, builder.trunc(count, INT), VI)
+            with groups(builder, count, counting_from(builder, ir.Constant(INT, 0), VI)) as (k, (lane,)):
                 mask = builder.icmp_signed("<", lane, end)
-                where = builder.bitcast(builder.gep(target, [builder.add(at, k)]), pointer)
-                builder.call(store, [_ids(builder, source, builder.add(first, k)), where, ir.Constant(_I, 4), mask])
+                store_where(builder, mask, load(builder, source, builder.add(first, k), VI), target, builder.add(at, k))
             return context.get_dummy_value()
 
         return types.none(to, types.int64, codes, types.int64, types.int64), codegen
-
-    def _row(builder, data, index):
-        """Pointer to eight elements."""
-        return builder.bitcast(builder.gep(data, [index]), _VF.as_pointer())
-
-    def _read(builder, data, index):
-        loaded = builder.load(_row(builder, data, index))
-        loaded.align = 4
-        return loaded
 
     def _filler(numbers, value_at):
         """An intrinsic f(g, first, count, *rows and numbers): `numbers` spells their types, i for a row and f for a number, and
@@ -184,32 +167,32 @@ else:
 
         def codegen(context, builder, signature, arguments):
             data, (_, first, count, *rest) = array_data(context, builder, signature, arguments, 0), arguments
-            with _groups(builder, count) as (k, _):
-                builder.store(value_at(builder, data, k, rest), _row(builder, data, builder.add(first, k)), align=4)
+            with groups(builder, count) as (k, _):
+                store(builder, value_at(builder, data, k, rest), data, builder.add(first, k))
             return context.get_dummy_value()
 
         return lambda g: (types.none(g, types.int64, types.int64, *kinds), codegen)
 
     def _ramp(builder, k, x, slope, base):
-        xs = builder.fadd(_splat(builder, builder.fadd(x, builder.sitofp(k, _F)), _VF), _IOTA_F)
-        return builder.fadd(builder.fmul(_splat(builder, slope, _VF), xs), _splat(builder, base, _VF))
+        xs = builder.fadd(splat(builder, builder.fadd(x, builder.sitofp(k, FLOAT)), VF), IOTA)
+        return builder.fadd(builder.fmul(splat(builder, slope, VF), xs), splat(builder, base, VF))
 
     def _inverse_at(builder, data, k, numbers):
-        return builder.fdiv(ir.Constant(_VF, [1.0] * LANES), _ramp(builder, k, *numbers))
+        return builder.fdiv(ir.Constant(VF, [1.0] * LANES), _ramp(builder, k, *numbers))
 
     def _scaled_at(builder, data, k, numbers):
         scale, x, slope, base, origin = numbers
-        value = builder.fmul(_ramp(builder, k, x, slope, base), _read(builder, data, builder.add(scale, k)))
-        return builder.fadd(value, _splat(builder, origin, _VF))
+        value = builder.fmul(_ramp(builder, k, x, slope, base), load(builder, data, builder.add(scale, k), VF))
+        return builder.fadd(value, splat(builder, origin, VF))
 
     def _derivative_at(builder, data, k, numbers):
         scale, value, *rest = numbers
-        origin, slope, slope_w, footprint = (_splat(builder, number, _VF) for number in rest)
-        from_origin = builder.fsub(_read(builder, data, builder.add(value, k)), origin)
+        origin, slope, slope_w, footprint = (splat(builder, number, VF) for number in rest)
+        from_origin = builder.fsub(load(builder, data, builder.add(value, k), VF), origin)
         change = builder.fsub(slope, builder.fmul(from_origin, slope_w))
-        return builder.fmul(change, builder.fmul(_read(builder, data, builder.add(scale, k)), footprint))
+        return builder.fmul(change, builder.fmul(load(builder, data, builder.add(scale, k), VF), footprint))
 
-    _fill = _filler("f", lambda builder, data, k, numbers: _splat(builder, numbers[0], _VF))
+    _fill = _filler("f", lambda builder, data, k, numbers: splat(builder, numbers[0], VF))
     _plain = _filler("fff", lambda builder, data, k, numbers: _ramp(builder, k, *numbers))
     _inverse = _filler("fff", _inverse_at)
     _scaled = _filler("iffff", _scaled_at)
