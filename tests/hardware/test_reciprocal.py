@@ -45,6 +45,39 @@ def test_the_search_finds_the_smallest_table():
     assert smallest(16, 6).bits > SMALL.bits
 
 
+def fits(words, segment):
+    """Whether any A and any B within a fifth of the slope leave a C in the segment: nothing is assumed of where good ones lie."""
+    n, low = words.fraction, np.arange(segment == 0, 1 << words.low)
+    floor = (1 << 2 * n + 1) // (low + (segment << words.low) + (1 << n))
+    slope = 2 ** (words.b + words.segments) * 2 / (2**words.segments + segment) ** 2 * 2**words.segments / 2
+    b = np.arange(int(slope * 0.8) - 2, min(1 << words.b, int(slope * 1.2) + 3))[:, None]
+    step, half = words.unit - words.c, np.arange(0, len(b), 256)
+    for a in range(1 << words.a):
+        for part in (b[i : i + 256] for i in half):
+            varying = words.varying(low, part, a)
+            first = ((floor << words.unit - n) - varying).max(1)
+            last = ((floor + 2 << words.unit - n) - varying).min(1) - 1
+            if (-(-first >> step) <= last >> step).any():
+                return True
+    return False
+
+
+# Segments that have no row, for each way to share 33 bits among A, B and C; with fewer than 4 or more than 7 bits, A fails in the first already.
+WITNESSES = {(3, 14): 0, (3, 13): 0, (3, 12): 0, (4, 13): 2, (4, 12): 2, (4, 11): 3, (5, 12): 18, (5, 11): 0, (5, 10): 1,
+             (6, 11): 0, (6, 10): 0, (6, 9): 0, (7, 10): 1, (7, 9): 0, (7, 8): 0}  # fmt: skip
+
+
+@pytest.mark.parametrize("shared", WITNESSES)
+def test_no_table_of_32_segments_has_shorter_rows(shared):
+    a, b = shared
+    assert SMALL.a + SMALL.b + SMALL.c == 34
+    assert not fits(Words(16, 5, 17 - a - b, b, a, 22), WITNESSES[shared])
+
+
+def test_the_proof_can_fail():
+    assert all(fits(replace(SMALL, square=22), segment) for segment in (0, 1, 2, 3, 18, 31))
+
+
 @pytest.mark.parametrize("words", [SMALL, MIDDLING, WIDE])
 @pytest.mark.parametrize("part", ["guard", "b", "a", "square"])
 def test_no_word_can_be_a_bit_shorter(words, part):
