@@ -1,0 +1,353 @@
+"""Pairs: the exchange of two polygons with everything that stands between them.
+
+The double integral of |cos cos| V / (pi r^2) over both, square metres: divided by either's area it is the form factor to the other. The polygons
+are first cut by each other's planes, so that all that is left faces; then integrated as if alone (`luxel.radiosity.exchange`); and where the
+shaft between them is not empty (`luxel.radiosity.shaft`), integrated again with the exact shadow (`luxel.radiosity.shadow`), or by rays where there
+are too many obstacles for that.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from luxel import jit
+from luxel.arrays import Array
+from luxel.radiosity.exchange import contour_integral, over_points
+from luxel.radiosity.occlusion import Occlusion, occluded
+from luxel.radiosity.shadow import CORNERS as PIECE_CORNERS
+from luxel.radiosity.shadow import PIECES, visible_factor
+from luxel.radiosity.shaft import BLOCKERS, CORNERS, HIDDEN, Side, find_blockers, height_range, keep_blockers
+from luxel.radiosity.surfaces import RULES, Polygons
+
+_R1, _R2, _R3 = RULES[1:]
+_GAUSS = (0.5 - math.sqrt(3.0) / 6.0, 0.5 + math.sqrt(3.0) / 6.0)
+_DEEPEST = 9  # halvings of a cell
+_LEEWAY = 2.0  # a cell's quarters are so much closer to the truth than it is
+_STAKE = 64.0  # floors that a cell must be worth to be quartered unasked
+_RAYS = 64
+_NEAR = 0.7  # sizes over distance from which quadrature points on both do not pay
+
+
+class World(NamedTuple):
+    """All that may be asked about while pairs are integrated.
+
+    Attributes:
+        polygons: What is integrated over.
+        obstacles: What hides, the polygons merged.
+        owner: (p,) int64: the obstacle that a polygon is a part of.
+        box, link, order: The hierarchy over the obstacles.
+        occlusion: The obstacles' triangles, for rays.
+    """
+
+    polygons: Polygons
+    obstacles: Polygons
+    owner: Array
+    box: Array
+    link: Array
+    order: Array
+    occlusion: Occlusion
+
+
+class Wanted(NamedTuple):
+    """How good: relative error; absolute error of a form factor; levels of cells always looked at; most batches of rays; sidedness."""
+
+    tolerance: float
+    floor: float
+    levels: int
+    batches: int
+    one_sided: bool
+
+
+class Scratch(NamedTuple):
+    """What one thread works in; see `make_scratch`."""
+
+    a: Array
+    b: Array
+    c: Array
+    blockers: Array
+    found: Array
+    planes: Array
+    bounds: Array
+    pieces: Array
+    counts: Array
+    cells: Array
+    points: Array
+
+
+@jit.kernel
+def make_scratch():
+    """Scratch for one thread."""
+    return Scratch(
+        np.zeros((CORNERS, 3)), np.zeros((CORNERS, 3)), np.zeros((4, 3)), np.zeros((_DEEPEST + 2, BLOCKERS), np.int64),
+        np.zeros(_DEEPEST + 2, np.int64), np.zeros((40, 4)), np.zeros(6), np.zeros((PIECES + 2, PIECE_CORNERS, 3)), np.zeros(PIECES, np.int64),
+        np.zeros((4 * _DEEPEST + 8, 6)), np.zeros((2, _RAYS, 4)),
+    )  # fmt: skip
+
+
+@jit.part
+def _bilinear(a, piece, u, v, out):
+    """A point of one of the at most two bilinear patches of a polygon, into out[0:3], and how much area a unit of u and v is there."""
+    i, j, k = (0, 1, 2) if piece == 0 else (0, 3, 4)
+    l = (3 if a.count > 3 else 2) if piece == 0 else 4
+    c = a.corners
+    p, q, r, s = (1 - u) * (1 - v), u * (1 - v), u * v, (1 - u) * v
+    for axis in range(3):
+        out[axis] = p * c[i, axis] + q * c[j, axis] + r * c[k, axis] + s * c[l, axis]
+    ux, uy, uz = _across(c, i, j, k, l, v, 0), _across(c, i, j, k, l, v, 1), _across(c, i, j, k, l, v, 2)
+    vx, vy, vz = _across(c, i, l, k, j, u, 0), _across(c, i, l, k, j, u, 1), _across(c, i, l, k, j, u, 2)
+    x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    return math.sqrt(x * x + y * y + z * z)
+
+
+@jit.inlined
+def _across(c, i, j, k, l, t, axis):
+    """A coordinate of the patch's derivative from side i l to side j k."""
+    return (1 - t) * (c[j, axis] - c[i, axis]) + t * (c[k, axis] - c[l, axis])
+
+
+@jit.part
+def _cell(world, a, b, blockers, found, piece, u, v, size, scratch):
+    """The integral over one cell of `a`, by 2 x 2 points; negative if the shadow needs more pieces than there are."""
+    total = 0.0
+    place = scratch.bounds
+    for i in range(2):
+        for j in range(2):
+            weight = _bilinear(a, piece, u + size * _GAUSS[i], v + size * _GAUSS[j], place)
+            factor = visible_factor(
+                place[0], place[1], place[2], a.nx, a.ny, a.nz, b, world.obstacles, blockers, found, scratch.pieces, scratch.counts, scratch.planes
+            )
+            if factor < 0.0:
+                return -1.0
+            total += weight * factor
+    return 0.25 * size * size * total
+
+
+@jit.part
+def _cell_side(a, piece, u, v, size, out):
+    """A cell of `a` as a `Side` of its own."""
+    _bilinear(a, piece, u, v, out[0])
+    _bilinear(a, piece, u + size, v, out[1])
+    _bilinear(a, piece, u + size, v + size, out[2])
+    _bilinear(a, piece, u, v + size, out[3])
+    return Side(out, np.int64(4), a.nx, a.ny, a.nz, a.x, a.y, a.z, a.radius)
+
+
+@jit.part
+def _partly_hidden(world, a, b, found, whole, wanted, floor, scratch):
+    """The integral over `a` of what each of its points sees of `b`, and the error estimated; negative if rays must do it.
+
+    `whole` is the value without obstacles. Each cell asks anew which obstacles are in its own shaft, so most are soon clear or hidden for certain.
+    Others may differ from their quarters by a share of the error that falls with their side: those with kinks are as many as the kinks are long.
+    """
+    cells = scratch.cells
+    depth, total, error, seen = 0, 0.0, 0.0, 0.0
+    for piece in range(1 if a.count < 5 else 2):
+        cells[depth, 0], cells[depth, 1], cells[depth, 2], cells[depth, 3], cells[depth, 4], cells[depth, 5] = piece, 0.0, 0.0, 1.0, 0.0, 0.0
+        depth += 1
+    scratch.found[0] = found
+    while depth:
+        depth -= 1
+        piece, u, v, size, value = np.int64(cells[depth, 0]), cells[depth, 1], cells[depth, 2], cells[depth, 3], cells[depth, 4]
+        level = np.int64(cells[depth, 5])
+        cell = _cell_side(a, piece, u, v, size, scratch.c)
+        kept = scratch.blockers[level + 1]
+        between = keep_blockers(world.obstacles, cell, b, scratch.blockers[level], scratch.found[level], kept, scratch.planes)
+        if between == HIDDEN:
+            continue
+        scratch.found[level + 1] = between
+        half, quarters = 0.5 * size, 0.0
+        for i in range(4):
+            x, y = u + half * (i & 1), v + half * (i >> 1)
+            part = _cell(world, a, b, kept, between, piece, x, y, half, scratch)
+            if part < 0.0:
+                return -1.0, 0.0
+            quarters += part
+            row = depth + i
+            cells[row, 0], cells[row, 1], cells[row, 2], cells[row, 3], cells[row, 4], cells[row, 5] = piece, x, y, half, part, level + 1
+        if level == 0:
+            seen += quarters
+        allowed = max(_LEEWAY * wanted.tolerance * max(seen, 0.02 * whole), floor)
+        gap = abs(quarters - value)
+        stake = whole * size * size  # what is at stake, about
+        sure = level > 0 if between == 0 else level >= wanted.levels or stake <= _STAKE * floor
+        if (sure and gap <= allowed * size) or stake <= floor or level == _DEEPEST:
+            total += quarters
+            error += gap / _LEEWAY
+        else:
+            depth += 4
+    return total, error
+
+
+@jit.part
+def _sequence(i, base):
+    """Number i of van der Corput's sequence to a base."""
+    value, scale = 0.0, 1.0 / base
+    while i:
+        value += scale * (i % base)
+        i //= base
+        scale /= base
+    return value
+
+
+@jit.part
+def _ray_points(a, first, base_u, base_v, turn, rows):
+    """_RAYS points spread over a polygon, x, y, z and weight: Halton's, moved by `turn`."""
+    for k in range(_RAYS):
+        u, v = _sequence(first + k, base_u) + turn, _sequence(first + k, base_v) + turn
+        u, v = u - math.floor(u), v - math.floor(v)
+        piece = 0
+        if a.count == 5:
+            u *= 2.0
+            piece = 1 if u >= 1.0 else 0
+            u -= piece
+        rows[k, 3] = _bilinear(a, piece, u, v, rows[k])
+
+
+@jit.part
+def _by_rays(world, a, b, whole, wanted, floor, scratch):
+    """The share of `whole` that is seen, by pairs of points weighted with what they would exchange; and the error expected."""
+    weights = squares = seen = 0.0
+    value, error = 0.0, whole
+    for batch in range(wanted.batches):
+        _ray_points(a, batch * _RAYS, 2, 3, 0.37, scratch.points[0])
+        _ray_points(b, batch * _RAYS, 5, 7, 0.71, scratch.points[1])
+        for k in range(_RAYS):
+            p, q = scratch.points[0, k], scratch.points[1, k]
+            dx, dy, dz = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+            r2 = dx * dx + dy * dy + dz * dz
+            if r2 == 0.0:
+                continue
+            cosines = (a.nx * dx + a.ny * dy + a.nz * dz) * (b.nx * dx + b.ny * dy + b.nz * dz)
+            weight = p[3] * q[3] * abs(cosines) / (r2 * r2)
+            weights += weight
+            squares += weight * weight
+            if not occluded(world.occlusion, p[0], p[1], p[2], q[0], q[1], q[2], -1, -1):
+                seen += weight
+        share = seen / weights if weights > 0.0 else 0.0
+        value = whole * share
+        # As for independent rays, had one more been seen and one more hidden.
+        spread = share * (1.0 - share) + 1.0 / (_RAYS * (batch + 1))
+        error = whole * math.sqrt(spread * squares) / weights if weights > 0.0 else 0.0
+        if error <= max(wanted.tolerance * value, floor) or (wanted.batches <= 64 and (share == 0.0 or share == 1.0)):
+            break
+    return value, error
+
+
+@jit.part
+def _alone(points_a, points_b, normal_a, normal_b, a, b, cut, wanted, floor):
+    """The exchange of two polygons that see all of each other, and the error estimated."""
+    dx, dy, dz = b.x - a.x, b.y - a.y, b.z - a.z
+    distance = math.sqrt(dx * dx + dy * dy + dz * dz)
+    size = a.radius + b.radius
+    if not cut and size < _NEAR * distance:
+        ratio = size / distance
+        one = over_points(points_a, points_b, 0, _R1, normal_a, normal_b)
+        if 4.0 * ratio * ratio * one <= floor:
+            return one, floor
+        two = over_points(points_a, points_b, _R1, _R2, normal_a, normal_b)
+        error = abs(two - one) * ratio * ratio
+        if error <= max(wanted.tolerance * two, floor):
+            return two, error
+        three = over_points(points_a, points_b, _R2, _R3, normal_a, normal_b)
+        error = abs(three - two) * ratio * ratio
+        if error <= max(wanted.tolerance * three, floor):
+            return three, error
+    return contour_integral(a.corners, a.count, b.corners, b.count, max(distance, size), wanted.tolerance, floor)
+
+
+@jit.part
+def _facing(world, p, q, a, b, cut, wanted, floor, scratch):
+    """The exchange of polygon p, or the part `a` cut from it, with `b` of polygon q, and the error estimated."""
+    polygons = world.polygons
+    normal_p, normal_q = polygons.normal[p], polygons.normal[q]
+    value, error = _alone(polygons.points[p], polygons.points[q], normal_p, normal_q, a, b, cut, wanted, floor)
+    if value <= 0.0:
+        return 0.0, 0.0
+    found = find_blockers(
+        world.obstacles, world.box, world.link, world.order, world.owner[p], world.owner[q], a, b, scratch.blockers[0], scratch.planes, scratch.bounds
+    )
+    if found == HIDDEN:
+        return 0.0, 0.0
+    if found == 0:
+        return value, error
+    if value <= floor:
+        hidden = occluded(world.occlusion, a.x, a.y, a.z, b.x, b.y, b.z, -1, -1)
+        return (0.0 if hidden else value), value
+    if found <= BLOCKERS:
+        small, large = (a, b) if a.radius <= b.radius else (b, a)
+        part, error = _partly_hidden(world, small, large, found, value, wanted, floor, scratch)
+        if part >= 0.0:
+            return min(part, value), error
+    return _by_rays(world, a, b, value, wanted, floor, scratch)
+
+
+@jit.part
+def _whole_side(polygons, p, sign, out):
+    """Polygon p, seen from the side of its normal times `sign`; its corners are copied to `out`."""
+    for k in range(polygons.count[p]):
+        for axis in range(3):
+            out[k, axis] = polygons.corners[p, k, axis]
+    n, c = polygons.normal[p], polygons.centre[p]
+    return Side(out, np.int64(polygons.count[p]), sign * n[0], sign * n[1], sign * n[2], c[0], c[1], c[2], polygons.radius[p])
+
+
+@jit.part
+def _cut_side(polygons, p, sign, q, above, out):
+    """The part of polygon p on the side `above` (1 or -1) of the plane of q, seen from the side `sign` of p; a count below 3 if there is none."""
+    n, c = polygons.normal[q], polygons.centre[q]
+    corners, count = polygons.corners[p], polygons.count[p]
+    made = np.int64(0)
+    ax, ay, az = corners[count - 1, 0], corners[count - 1, 1], corners[count - 1, 2]
+    a = above * ((ax - c[0]) * n[0] + (ay - c[1]) * n[1] + (az - c[2]) * n[2])
+    for k in range(count):
+        bx, by, bz = corners[k, 0], corners[k, 1], corners[k, 2]
+        b = above * ((bx - c[0]) * n[0] + (by - c[1]) * n[1] + (bz - c[2]) * n[2])
+        if (a > 0.0 and b < 0.0) or (a < 0.0 and b > 0.0):
+            t = a / (a - b)
+            out[made, 0], out[made, 1], out[made, 2] = ax + t * (bx - ax), ay + t * (by - ay), az + t * (bz - az)
+            made += 1
+        if b >= 0.0:
+            out[made, 0], out[made, 1], out[made, 2] = bx, by, bz
+            made += 1
+        ax, ay, az, a = bx, by, bz, b
+    x = y = z = radius = 0.0
+    for k in range(made):
+        x, y, z = x + out[k, 0] / made, y + out[k, 1] / made, z + out[k, 2] / made
+    for k in range(made):
+        radius = max(radius, (out[k, 0] - x) ** 2 + (out[k, 1] - y) ** 2 + (out[k, 2] - z) ** 2)
+    m = polygons.normal[p]
+    return Side(out, made, sign * m[0], sign * m[1], sign * m[2], x, y, z, math.sqrt(radius))
+
+
+@jit.part
+def exchange(world, p, q, wanted, scratch):
+    """The exchange of polygons p and q, square metres, and the error estimated. From both sides of each, or from the fronts only."""
+    polygons = world.polygons
+    epsilon = polygons.epsilon[0]
+    np_, cp, nq, cq = polygons.normal[p], polygons.centre[p], polygons.normal[q], polygons.centre[q]
+    low_q, high_q = height_range(np_[0], np_[1], np_[2], cp[0], cp[1], cp[2], polygons.corners[q], polygons.count[q])
+    low_p, high_p = height_range(nq[0], nq[1], nq[2], cq[0], cq[1], cq[2], polygons.corners[p], polygons.count[p])
+    if wanted.one_sided and (high_q <= epsilon or high_p <= epsilon):
+        return 0.0, 0.0
+    if (low_q >= -epsilon and high_q <= epsilon) or (low_p >= -epsilon and high_p <= epsilon):
+        return 0.0, 0.0
+    floor = wanted.floor * min(polygons.area[p], polygons.area[q])
+    cut = not ((low_q >= -epsilon or high_q <= epsilon) and (low_p >= -epsilon or high_p <= epsilon))
+    value = error = 0.0
+    for sides in range(4):
+        sign_p, sign_q = 1.0 - 2.0 * (sides & 1), 1.0 - (sides & 2)
+        if wanted.one_sided and sides:
+            break
+        if (high_q if sign_p > 0.0 else -low_q) <= epsilon or (high_p if sign_q > 0.0 else -low_p) <= epsilon:
+            continue
+        if cut:
+            a, b = _cut_side(polygons, p, sign_p, q, sign_q, scratch.a), _cut_side(polygons, q, sign_q, p, sign_p, scratch.b)
+        else:
+            a, b = _whole_side(polygons, p, sign_p, scratch.a), _whole_side(polygons, q, sign_q, scratch.b)
+        if a.count >= 3 and b.count >= 3 and a.radius > epsilon and b.radius > epsilon:
+            part, wrong = _facing(world, p, q, a, b, cut, wanted, floor, scratch)
+            value, error = value + part, error + wrong
+    return value, error
