@@ -52,6 +52,7 @@ def test_errors_of_long_spans_are_halved_by_exact_ends_only():
     (row,) = accuracy._halving(accuracy.by_length([256], 12, Format()))
     assert row["largest, span's slopes"] == pytest.approx(0.5, abs=0.03)
     assert row["RMS, span's slopes"] == pytest.approx(0.5, abs=0.03)
+    assert row["largest, truncated"] == pytest.approx(0.5, abs=0.03)
     assert row["largest, plane's slopes"] == row["RMS, plane's slopes"] == 1
     assert row["seam / largest one-way error"] == pytest.approx(1, abs=0.05)
 

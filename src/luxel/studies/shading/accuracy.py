@@ -10,7 +10,7 @@ from luxel.arrays import Array
 from luxel.studies.report import Report
 from luxel.studies.shading.fill import Filled, Triangle, fill, triangle
 from luxel.studies.shading.fixed import VALUE_BITS, Format, errors
-from luxel.studies.shading.schemes import CLASSICAL, CONTROL, COUNTERED, ENDS, INTERLEAVES, MIDLINES, PLANE, VARIANTS, WAVE, Scheme
+from luxel.studies.shading.schemes import CLASSICAL, CONTROL, COUNTERED, ENDS, INTERLEAVES, MIDLINES, PLANE, TRUNCATED, VARIANTS, WAVE, Scheme
 from luxel.studies.shading.shapes import corners_of, flat_triangle, glossy_triangle
 from luxel.studies.shading.speed import plain_ticks
 from luxel.studies.study import Context
@@ -24,10 +24,12 @@ WAYS: dict[str, tuple[Scheme, str]] = {
     "interleaved 4": (FOUR, ENDS),
     "interleaved 4, own strides": (OWN, ENDS),
     "EC-DDA": (CONTROL, ENDS),
+    "classical, truncated": (CLASSICAL, TRUNCATED),
+    "counter, truncated": (COUNTERED, TRUNCATED),
     "classical, plane's slopes": (CLASSICAL, PLANE),
     "counter, plane's slopes": (COUNTERED, PLANE),
 }
-"""What is compared; slopes are a span's own, but for the last two."""
+"""What is compared; slopes are a span's own, rounded to nearest or down, but for the last two."""
 
 FORMATS = (Format(8, 8), Format(8, 10), Format(8, 12), Format(8, 16))
 _TO_VIEWER = np.array([0.0, 0.0, 1.0])
@@ -76,7 +78,8 @@ def _halving(rows: list[Row]) -> list[Row]:
     found = []
     for row in rows:
         ratio = {f"{kind}, {name}": row[f"counter{end}, {kind}"] / row[f"classical{end}, {kind}"]
-                 for name, end in (("span's slopes", ""), ("plane's slopes", ", plane's slopes")) for kind in ("largest", "RMS")}  # fmt: skip
+                 for name, end in (("span's slopes", ""), ("truncated", ", truncated"), ("plane's slopes", ", plane's slopes"))
+                 for kind in ("largest", "RMS")}  # fmt: skip
         seam = row["counter, seam"] / row["classical, largest"]
         found.append({"pixels, more than": row["pixels, more than"], "up to": row["up to"]} | ratio | {"seam / largest one-way error": seam})
     return found
@@ -157,8 +160,8 @@ def run(context: Context, report: Report, facts: Row) -> None:
     rows = by_length(lengths, 10 if context.quick else 40, Format())
     report.table("errors", "Errors by the length of the span", rows,
                  "In units of the last place (8.16: 2^-16 of a grey level), against exact rational interpolation at pixels' centres. Both ends "
-                 "of a span are exact to half a unit and its slope is divided out and rounded; or all comes from one pixel by the plane's "
-                 "slopes. `seam`: the change of the error between the two neighbours in mid-span.")  # fmt: skip
+                 "of a span are exact to half a unit and its slope is divided out and rounded, to nearest or down (truncated); or all comes "
+                 "from one pixel by the plane's slopes. `seam`: the change of the error between the two neighbours in mid-span.")  # fmt: skip
     halves = _halving(rows)
     report.table("halving", "Counter interpolation: its error over that of one interpolator", halves, "The claim is 0.5.")
     _figure(report, rows)
@@ -175,13 +178,14 @@ def run(context: Context, report: Report, facts: Row) -> None:
 
 def _figure(report: Report, rows: list[Row]) -> None:
     for kind in ("largest", "RMS"):
-        note = "One interpolator and four interleaved ones are the same bits, and so are both that take the plane's slopes."
+        note = "One interpolator and four interleaved ones are the same bits, and both that take the plane's slopes."
         note += " Dotted: (1 + k) / 2, which k additions of a rounded slope cannot exceed; and half of that." if kind == "largest" else ""
         title = f"{kind[0].upper() + kind[1:]} error against the length of the span, 8.16"
         with report.figure(f"errors-{kind.lower()}", title, note, (9.0, 4.2)) as axes:
             x = [row["up to"] for row in rows]
             for k, name in enumerate(WAYS):
-                axes.plot(x, [row[f"{name}, {kind}"] for row in rows], "s--" if "plane" in name else "o-", color=f"C{k}", label=name, markersize=4)
+                style = "s--" if "plane" in name else "^:" if "truncated" in name else "o-"
+                axes.plot(x, [row[f"{name}, {kind}"] for row in rows], style, color=f"C{k}", label=name, markersize=4)
             if kind == "largest":
                 axes.plot(x, [n / 2 for n in x], ":", color="grey")
                 axes.plot(x, [n / 4 for n in x], ":", color="grey")

@@ -82,6 +82,8 @@ def error_claims(facts: Row) -> list[Row]:
     ratios = [row["largest, span's slopes"] for row in halves]
     rms, seam = last["RMS, span's slopes"], last["seam / largest one-way error"]
     apart = max(abs(row["largest, plane's slopes"] - 1) for row in halves)
+    truncated = longest["classical, truncated, largest"] / longest["classical, largest"]
+    down = last["largest, truncated"]
     own, four, classical = (longest[f"{name}, largest"] for name in ("interleaved 4, own strides", "interleaved 4", "classical"))
     seen = ", ".join(f"{2**form.fraction:,} at {form}" for form in FORMATS)
     plain = [row for row in facts["attributes"] if row["scheme"] == "classical" and row["attribute"] == "intensity"]
@@ -91,6 +93,7 @@ def error_claims(facts: Row) -> list[Row]:
             "counter: half the error", _verdict(max(ratios) < 0.5 / _ENOUGH and apart > _ENOUGH / 2, abs(ratios[-1] - 0.5) < 0.025),
             f"where both ends are exact and the slope is the span's, {ratios[-1]:.3f} of the largest error and {rms:.3f} of the RMS on spans of "
             f"up to {last['up to']:,} pixels, and up to {max(ratios):.2f} on short ones, where the ends' rounding is most of it",
+            f"with slopes rounded down, which makes all errors {truncated:.1f} times as large, {down:.3f}",
             f"with the plane's slopes it has the bits of one interpolator: {1 + apart:.2f}",
             f"a seam stays in mid-span, {seam:.2f} of the whole one-way error",
         ),

@@ -23,7 +23,7 @@ from luxel.raster.constants import SUBPIXEL
 from luxel.studies.shading.coverage import Coverage, coverage, spans_of
 from luxel.studies.shading.fixed import VALUE_BITS, Format, Plane, nearest, planes, wrap, wrap_all
 from luxel.studies.shading.interpolators import INTERLEAVED, MOST_LANES, run_border, run_copies, run_rows, run_wave
-from luxel.studies.shading.schemes import CLASSICAL, ENDS, PLANE, Machine, Resources, Scheme
+from luxel.studies.shading.schemes import CLASSICAL, ENDS, PLANE, TRUNCATED, Machine, Resources, Scheme
 
 DEFAULT, MACHINE = Format(), Machine()
 _TURNED = np.array([0, 0, 0, 1])  # of midlines' copies: the one in the middle
@@ -133,11 +133,11 @@ def _spans(scheme: Scheme, exact: Sequence[Plane], rows: Array, x: int, y: int, 
     row, left, right = rows.T
     length = right - left
     for c, plane in enumerate(exact):
-        if source == ENDS:
+        if source != PLANE:
             start[c], end[c] = (plane.all_rounded(x + column, y + row, form) for column in (left, right))
             change = wrap_all(end[c] - start[c], form.bits)
-            slope[c] = _nearest_share(change, length)
-            stride[c] = _nearest_share(scheme.lanes * change, length) if scheme.own_strides else scheme.lanes * slope[c]
+            slope[c] = _share(change, length, source)
+            stride[c] = _share(scheme.lanes * change, length, source) if scheme.own_strides else scheme.lanes * slope[c]
         else:
             first = plane.rounded(x + int(left[0]), y + int(row[0]), form)
             start[c] = first + (left - left[0]) * gradients[c, 0] + (row - row[0]) * gradients[c, 1]
@@ -146,10 +146,11 @@ def _spans(scheme: Scheme, exact: Sequence[Plane], rows: Array, x: int, y: int, 
     return _Spans(rows, *loaded, *np.ascontiguousarray(gradients.T))
 
 
-def _nearest_share(change: Array, length: Array) -> Array:
-    """`nearest` of int64 arrays; 0 where the length is 0."""
+def _share(change: Array, length: Array, source: str) -> Array:
+    """A change by a length, rounded to nearest or, TRUNCATED, down; 0 where the length is 0."""
     safe = np.maximum(length, 1)
-    return np.where(length > 0, (2 * change + safe) // (2 * safe), 0)
+    share = change // safe if source == TRUNCATED else (2 * change + safe) // (2 * safe)
+    return np.where(length > 0, share, 0)
 
 
 def fill(what: Triangle, scheme: Scheme = CLASSICAL, form: Format = DEFAULT, machine: Machine = MACHINE, source: str = ENDS) -> Filled:
@@ -160,14 +161,15 @@ def fill(what: Triangle, scheme: Scheme = CLASSICAL, form: Format = DEFAULT, mac
         scheme: One of SCHEMES, VARIANTS or LITERAL, or another.
         form: Of the registers of the channels.
         machine: What set-up costs.
-        source: ENDS or PLANE. A wave has no spans: it takes the plane's slopes in any case, and from here its seeds and its border's values.
+        source: ENDS, TRUNCATED or PLANE. A wave takes the plane's slopes in any case, and from here its seeds and its border's values.
 
     Raises:
         InputError: Values at the corners that the registers cannot hold, an impossible format, or more than 16 lanes.
     """
     form = form.checked()
-    if not 0 <= scheme.lanes <= MOST_LANES or source not in (ENDS, PLANE):
-        raise InputError(f"fill: expected up to {MOST_LANES} lanes and {ENDS!r} or {PLANE!r}, got {scheme.lanes} and {source!r}")
+    if not 0 <= scheme.lanes <= MOST_LANES or source not in (ENDS, TRUNCATED, PLANE):
+        known = f"{ENDS!r}, {TRUNCATED!r} or {PLANE!r}"
+        raise InputError(f"fill: expected up to {MOST_LANES} lanes and {known}, got {scheme.lanes} and {source!r}")
     if np.abs(what.values).max(initial=0) > 1 << (form.integer + VALUE_BITS):
         most = np.abs(what.values).max() / 2**VALUE_BITS
         raise InputError(f"values: expected at most 2^{form.integer} in size for registers of {form}, got {most:g}")
@@ -181,7 +183,7 @@ def fill(what: Triangle, scheme: Scheme = CLASSICAL, form: Format = DEFAULT, mac
 def _walk(scheme: Scheme, spans: _Spans, form: Format, machine: Machine, source: str, begun: int, sheet: _Sheet) -> int:
     """Fill spans; returns the clock after them."""
     steps = np.zeros(1, np.int64)
-    row = machine.edge + (machine.divide if source == ENDS else 0)
+    row = machine.edge + (0 if source == PLANE else machine.divide)
     loaded = spans.start, spans.end, spans.slope, spans.stride
     run_rows(scheme.way, max(1, scheme.lanes), spans.rows, np.array([0, len(spans.rows)]), *loaded, form.bits, row, machine.overlapped, begun,
              *sheet, steps)  # fmt: skip
@@ -190,7 +192,7 @@ def _walk(scheme: Scheme, spans: _Spans, form: Format, machine: Machine, source:
 
 def _begun(machine: Machine, source: str) -> int:
     """The clock when a triangle's slopes are known."""
-    return 0 if source == ENDS else 2 * machine.divide
+    return 2 * machine.divide if source == PLANE else 0
 
 
 def _fill_spans(what: Triangle, scheme: Scheme, form: Format, machine: Machine, source: str) -> Filled:

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 from luxel.studies.shading.interpolators import CORRECTED, COUNTER, INTERLEAVED, ONE_WAY
 
-ENDS, PLANE = "ends", "plane"
-"""Where a span's values come from: both ends are exact to half a unit and the slope is their difference by the length; or one pixel of the triangle
-is, and all others come from it by the plane's two slopes."""
+ENDS, TRUNCATED, PLANE = "ends", "truncated", "plane"
+"""Where a span's values come from: both ends are exact to half a unit, and the slope is their difference by the length, rounded to nearest; or
+rounded down, as a division does that stops; or one pixel of the triangle is exact, and all others come from it by the plane's two slopes."""
 
 
 class Machine(NamedTuple):
