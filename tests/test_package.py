@@ -13,7 +13,7 @@ import luxel
 from luxel.cli import main
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = ["README.md", "docs/guide.md", "docs/hardware.md"]
+PAGES = ["README.md", "docs/bake.md", "docs/guide.md", "docs/hardware.md"]
 HEAVY = ("numba", "llvmlite", "scipy", "trimesh", "pygltflib", "PIL", "OpenEXR", "meshoptimizer", "mpi4py")
 
 
