@@ -53,11 +53,11 @@ def test_a_mesh_keeps_everything():
 
 @settings(deadline=None, max_examples=60)
 @given(
-    st.integers(0, 80), st.integers(1, 30), st.integers(0, 2**32 - 1), st.sampled_from(["auto", "file", "random", "morton", "tipsify"]),
+    st.integers(1, 80), st.integers(1, 30), st.integers(0, 2**32 - 1), st.sampled_from(["auto", "file", "random", "morton", "tipsify"]),
     st.booleans(), st.booleans(), st.booleans(), st.booleans(), st.sampled_from([None, 1.0, 1.5]),
 )  # fmt: skip
 def test_any_soup_stays_the_same(count, vertices, seed, order, weld, degenerate, duplicates, unused, overdraw):
-    """Random, non-manifold, degenerate, empty, disconnected: coordinates repeat, so that welding and dropping find something."""
+    """Random, non-manifold, degenerate, disconnected: coordinates repeat, so that welding and dropping find something."""
     rng = np.random.default_rng(seed)
     positions, faces = rng.integers(0, 3, (vertices, 3)).astype(np.float32), rng.integers(0, vertices, (count, 3)).astype(np.int32)
     mesh = Mesh(positions, faces, colors=rng.integers(0, 2, (vertices, 4)).astype(np.float32))
@@ -251,15 +251,34 @@ def test_trimesh_scenes():
     assert report.after.triangles == len(TORUS.triangles)
 
 
-def test_nothing_to_do():
+def test_nothing_to_order_is_an_error():
     empty = Mesh(np.zeros((2, 3), np.float32), np.zeros((0, 3), np.int32))
-    result, report = luxel.optimize(empty)
-    assert result.triangles.shape == (0, 3)
-    assert len(result.positions) == 2
-    assert report.orders == ["empty"]
+    for source in (empty, Scene(), (empty.positions, empty.triangles)):
+        with pytest.raises(luxel.InputError, match="at least one triangle to order, got none"):
+            luxel.optimize(source)
+
+
+def test_an_empty_mesh_among_others():
+    empty = Mesh(np.zeros((2, 3), np.float32), np.zeros((0, 3), np.int32))
+    scene = Scene(meshes=[empty, TORUS])
+    result, report = luxel.optimize(scene, "tipsify", drop_unused=True)
+    assert [len(mesh.positions) for mesh in result.meshes] == [0, len(TORUS.positions)]
+    assert report.orders == ["empty", "tipsify"]
+
+
+def test_everything_dropped():
+    point = Mesh(np.zeros((3, 3), np.float32), np.array([[0, 1, 2]], np.int32))
+    result, report = luxel.optimize(point, drop_degenerate=True, drop_unused=True)
+    assert (len(result.triangles), len(result.positions), report.degenerate) == (0, 0, 1)
     assert report.after.triangles == 0
-    assert luxel.optimize(Scene())[0].meshes == []
-    assert len(luxel.optimize(empty, drop_unused=True)[0].positions) == 0
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_positions_that_are_not_finite_are_named(bad):
+    points = np.array([[0, 0, 0], [bad, 0, 0], [1, 0, 0], [0, 1, 0], [0, bad, 0]], np.float32)
+    with pytest.raises(luxel.InputError, match=r"positions: expected finite numbers, got .* at vertex 4"):
+        luxel.optimize((points, np.array([[2, 3, 4], [0, 2, 3]])))
+    luxel.optimize((points, np.array([[0, 2, 3]])))  # no triangle asks where the others are
 
 
 @pytest.mark.parametrize(

@@ -71,6 +71,7 @@ def optimize_file(source: Path, target: Path | None, options: Options, *, measur
         else:
             with door(source.name):
                 package = module.optimize(source, options, report, ordering)
+                report.refuse_nothing()
             with door(aim, "cannot be written"):
                 package.save(made, aim.parent)
         told(0.7)

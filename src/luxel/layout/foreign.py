@@ -24,6 +24,7 @@ def optimize_trimesh(source: Any, options: Options, report: Report, measures: bo
         made = {name: _optimized(item, options, report, progress) for name, item in before.items()}
         result = source.copy()
         result.geometry.update(made)
+    report.refuse_nothing()
     if measures:
         report.before, report.after = (measure([_draw(item) for item in items.values()], _seen(items), options.threads) for items in (before, made))
     return result

@@ -11,7 +11,7 @@ The costs' terms, and how they are read here (readings differ between codes):
 - C3: 1 - (age + C1) / K: v's place in the cache when it turns black, 1 at the new end and 0 at the old end, so that old vertices that
   survive are cheap. One that would be gone before it is done has `gone` instead.
 
-`greedy` costs what a search over such tables found best (see `_fitted`): fitted for FIFOs of 12 and 16 on fandisk, lionstatue and beetle.
+`greedy` costs what a search over such tables found best (`luxel.layout.fitted`).
 `lin-yu` costs k1 C1 - k2 C2 + k3 C3, `greedy-2016` k1 C1 + k2 / C2 + k3 C3 + C1 / C2. A cost depends on the age, `open` and `left` only, so it is
 a table, and the pass is the same for all of them.
 
@@ -29,6 +29,7 @@ from luxel import jit
 from luxel.arrays import Array
 from luxel.layout.adjacency import adjacency, bounded
 from luxel.layout.fans import FIRST, LEFT, OPEN, ROW, STAMP, U, at, fans
+from luxel.layout.fitted import FITTED, fitted_cost
 
 OPEN_CELLS, LEFT_CELLS = 16, 8
 """The table's cells along `open` and `left`; larger numbers count as the largest."""
@@ -182,35 +183,20 @@ WEIGHTS = {"lin-yu": (1.0, 0.5, 0.7, 1.0), "greedy-2016": (1.0, 0.5, 1.3, 1.0)}
 """k1, k2, k3 and `gone` of each cost."""
 
 
-_LOAD = np.array([0.0, 0.768, 1.681, 3.071, 4.284, 4.52])
-_LAST = np.array([0.0, -0.162, -1.574, -1.965, -2.178, -3.675])
-_SLOPE = np.array([0.42, 0.962, 0.887, 0.784, 0.952, -0.62])
-_CURVE = np.array([1.001, -1.2, 0.58, 0.05, -0.019, 0.291])
-_GONE = -0.169
-"""The fitted cost, by C1 = 0 .. 5 and by triangles left = 1 .. 6, and more."""
-
-
-def _fitted(age: Array, c1: Array, left: Array, cache: int) -> Array:
-    """The table of `greedy`: a load for C1, one for C2, and a parabola over the place in the cache by the time v turns black."""
-    c, last = np.minimum(c1, 5), np.minimum(left, 6) - 1
-    place = (age + c) / cache
-    cost = _LOAD[c] + _LAST[last] + np.where(place > 1, _GONE, place * (_CURVE[c] * place - _SLOPE[c]))
-    return np.ascontiguousarray(cost, np.float32)
-
-
 @lru_cache(64)
-def cost_table(name: str, weights: tuple[float, ...] | None, cache: int) -> Array:
+def cost_table(name: str, weights: tuple[float, ...] | None, cache: int, target: str = "fifo") -> Array:
     """(cache, OPEN_CELLS, LEFT_CELLS) float32, read-only: the cost of a vertex by age, open corners and triangles left - 1.
 
     Args:
         name: "greedy", "lin-yu" or "greedy-2016".
         weights: k1, k2, k3 and, if there is a fourth, `gone` of the last two; None: those of `WEIGHTS`.
         cache: Vertices of the FIFO.
+        target: Which of `fitted.FITTED` "greedy" takes.
     """
     age, opened, left = np.ogrid[:cache, :OPEN_CELLS, 1 : LEFT_CELLS + 1]
     c1 = np.where(opened > 0, np.maximum(opened - left + 1, 0), 0)
     if name == "greedy":
-        return _read_only(_fitted(age, c1, left, cache))
+        return _read_only(fitted_cost(FITTED[target], age, c1, left, cache))
     k1, k2, k3, gone = (*(weights or WEIGHTS[name]), WEIGHTS[name][3])[:4]
     c3 = np.where(age + c1 <= cache, 1 - (age + c1) / cache, gone)
     cost = k1 * c1 - k2 * left + k3 * c3 if name == "lin-yu" else k1 * c1 + k2 / left + k3 * c3 + c1 / left

@@ -114,6 +114,11 @@ class Report:
         """Add the seconds since `start` to a stage."""
         self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - start
 
+    def refuse_nothing(self) -> None:
+        """Raise InputError if there was no triangle, not even one that was dropped."""
+        if set(self.orders) <= {"empty"} and not self.degenerate:
+            raise InputError("triangles: expected at least one triangle to order, got none")
+
 
 class Laid(NamedTuple):
     """Lists of triangles over one set of vertices, laid out.
@@ -218,12 +223,16 @@ def _ordered(faces: Array, vertices: int, options: Options, report: Report, posi
     # One list may use few of many shared vertices: the order sees those alone.
     local, used = renumber(faces, vertices, keep_unused=False)
     points = None if positions is None else positions[used]
+    if points is not None:
+        wrong = np.nonzero(~np.isfinite(points).all(1))[0]
+        if len(wrong):
+            raise InputError(f"positions: expected finite numbers, got {points[wrong[0]].tolist()} at vertex {used[wrong[0]]}")
     found = order(local, len(used), options.order, options.cache, options.policy, options.profile, points,
                   threads=options.threads, seconds=options.seconds, progress=told, **options.more)  # fmt: skip
     report.orders.append(found.order)
     report.lap("order", start)
     triangles, source = found.triangles, found.source
-    if options.overdraw is not None and points is not None and np.isfinite(points).all():
+    if options.overdraw is not None and points is not None:
         start = time.perf_counter()
         sorted_ = sort_clusters(triangles, points, options.cache, options.policy, options.profile, options.overdraw, cull, options.threads)
         triangles, source = sorted_.triangles, source[sorted_.source]
@@ -263,7 +272,8 @@ def optimize(source: Any, order: str = "auto", cache: int = 12, policy: str = "f
         The result and a Report.
 
     Raises:
-        InputError: An option is wrong, or the arrays are.
+        InputError: An option is wrong, or the arrays are: an index is out of range, a position that a triangle uses is not finite, there are no
+            triangles or 2^31 indices.
         FileError: `source` is a path that cannot be read.
     """
     options = Options(order, cache, policy, profile, overdraw, weld, drop_degenerate, drop_duplicates, drop_unused, threads, seconds, more)
@@ -290,6 +300,7 @@ def optimize_scene(scene: Scene, options: Options, report: Report, measures: boo
         meshes.append(_optimize_mesh(mesh, options, report, _culled(scene, mesh), _scaled(progress, done / total, len(mesh.triangles) / total)))
         done += len(mesh.triangles)
     result = replace(scene, meshes=meshes)
+    report.refuse_nothing()
     if measures:
         report.after = measure_scene(result, report, options.threads)
     return result
@@ -322,6 +333,7 @@ def _optimize_arrays(source: Any, options: Options, report: Report, measures: bo
     laid = lay_out([faces], len(points), options, report, points, lambda: clean.vertex_rows([positions]), progress=progress)
     report.triangle_source.append(laid.triangle_source[0])
     report.vertex_source.append(laid.vertex_source)
+    report.refuse_nothing()
     if measures:
         report.after = _measured(Draw(laid.triangles[0], len(laid.vertex_source), stride), points[laid.vertex_source], report, options.threads)
     dtype = given.dtype if given.dtype.kind in "iu" else np.dtype(np.int32)

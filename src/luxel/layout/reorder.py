@@ -15,6 +15,7 @@ from luxel.layout import batch
 from luxel.layout.adjacency import Adjacency, adjacency
 from luxel.layout.cache import POLICIES, misses
 from luxel.layout.checks import SMALLEST_CACHE, checked_cache, checked_triangles, checked_weights, positive, whole
+from luxel.layout.fitted import FITTED
 from luxel.layout.forsyth import forsyth
 from luxel.layout.gather import gather
 from luxel.layout.greedy import cost_table, greedy
@@ -79,6 +80,11 @@ class _Job:
         return self.policy == "fifo" and not self.model
 
     @property
+    def fit(self) -> str:
+        """Which of the fitted costs suits the target."""
+        return next((name for name, model in batch.MODELS.items() if model == self.model and name in FITTED), "fifo")
+
+    @property
     def modelled(self) -> int:
         """The FIFO that the orders are made for. Batches forget all at their end, which a smaller cache stands for; no more than
         `LARGEST_CACHE` is searched.
@@ -111,7 +117,7 @@ class _Job:
 
 
 def _greedy(job: _Job, name: str) -> Array:
-    costs = cost_table(name, job.weights, job.modelled)
+    costs = cost_table(name, job.weights, job.modelled, job.fit)
     return job.in_parts(lambda faces, vertices: greedy(faces, vertices, job.modelled, costs))
 
 
@@ -145,7 +151,7 @@ _MADE: dict[str, Callable[[_Job], Array]] = {
 ORDERS = (*_MADE, "tipsify", "auto")
 LARGEST_CACHE, BATCH_CACHE = 128, 11
 MOST_WIDTH = 64
-PER_WIDTH = 2.5
+PER_WIDTH = 3.5
 """Look-ahead takes about that many times as long as one greedy pass, for each order it keeps."""
 
 
