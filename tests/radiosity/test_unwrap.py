@@ -6,7 +6,7 @@ from laid import laid_out, rectangle
 
 import luxel
 from luxel import InputError, Instance, LuxelWarning, Material, Mesh, Scene, Texture, TextureRef
-from luxel.radiosity import pieces
+from luxel.radiosity import packing, pieces
 from luxel.radiosity.diagnosis import diagnose, estimate
 from luxel.radiosity.luxels import find_luxels, surface_areas
 from luxel.radiosity.unwrap import unwrap
@@ -285,3 +285,21 @@ def test_real_scenes(meshes):
         geometry = flatten(atlas.scene, "none")
         luxels = find_luxels(atlas)
         assert luxels.area.sum(dtype=np.float64) == pytest.approx(surface_areas(geometry).sum(), rel=1e-6)
+
+
+def test_another_process_makes_the_same(monkeypatch):
+    scene, seen = SCENES["cornell-box"](), []
+    here = unwrap(scene, 10.0)
+    monkeypatch.setattr(packing, "LARGE", 1)
+    there = unwrap(scene, 10.0, progress=seen.append)
+    assert here.chart.tobytes() == there.chart.tobytes()
+    assert all(a.texcoords1.tobytes() == b.texcoords1.tobytes() for a, b in zip(here.scene.meshes, there.scene.meshes, strict=True))
+    assert all(0 < share < 1 for share in seen)
+    assert seen == sorted(seen)
+
+
+def test_the_end_of_the_other_process_is_told(monkeypatch):
+    monkeypatch.setattr(packing, "LARGE", 1)
+    corners, faces = np.zeros((3, 3), np.float32), np.array([[0, 1, 7]], np.uint32)
+    with pytest.raises(luxel.LuxelError, match=r"xatlas, which makes lightmap coordinates, ended with 1: .*[Oo]ut of range"):
+        packing.pack([packing.Sheet(corners, faces, corners)], packing.Wishes(64, 1, 100.0, 1.0))

@@ -1,4 +1,4 @@
-"""Charts: surfaces cut open, laid flat and packed on pages by xatlas. Nothing else imports xatlas.
+"""Charts: surfaces cut open, laid flat and packed on pages by xatlas.
 
 xatlas stretches charts to whole texels and places their vertices at the texels' centres. Here they get the density that was asked for back, and
 start at a texel's corner: a rectangle of w x h texels covers w x h texels.
@@ -7,15 +7,20 @@ start at a texel's corner: a rectangle of w x h texels covers w x h texels.
 from __future__ import annotations
 
 import warnings
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
 from luxel.arrays import Array
-from luxel.errors import ExtraMissingError, LuxelWarning
-from luxel.radiosity.pieces import Pieces, Surface, find_pieces, least_extent
+from luxel.errors import LuxelWarning
+from luxel.radiosity.packing import Flat, Sheet, Wishes, pack
+from luxel.radiosity.pieces import Pieces, Surface, areas, find_pieces, least_extent
 
-_COST = 1.0  # of growing a chart: half of xatlas's default is several times as fast on dense meshes, and distorts less
+# xatlas's time grows faster than a curved chart's number of triangles: a quarter of its default cost of growing, and charts of a few thousand
+# triangles, are ten times as fast on dense meshes, and distort less. Flat charts may have any number.
+_COST = 0.5
+_TRIANGLES, _LEAST_CHART = 3000.0, 1024.0  # triangles of the median area, square texels
 _FULL = 0.75  # of a page: charts do not grow beyond its square
 
 
@@ -37,16 +42,19 @@ class Charted(NamedTuple):
     page: Array
 
 
-def chart_surfaces(surfaces: list[Surface], page: int, gutter: int) -> tuple[list[Charted], int]:
+def chart_surfaces(surfaces: list[Surface], page: int, gutter: int,
+                   progress: Callable[[float], None] | None = None) -> tuple[list[Charted], int]:  # fmt: skip
     """Chart and pack; returns the meshes and how many pages they take.
 
     Args:
         surfaces: In texels, so the density is 1.
         page: Width and height of a page, texels.
         gutter: Texels that stay free between charts, at least.
+        progress: Called with the share that is probably done.
 
     Raises:
         ExtraMissingError: xatlas is not installed.
+        LuxelError: xatlas failed.
     """
     pieces = [find_pieces(surface) for surface in surfaces]
     least = least_extent(pieces)
@@ -55,34 +63,27 @@ def chart_surfaces(surfaces: list[Surface], page: int, gutter: int) -> tuple[lis
         text = f"{count} separate pieces smaller than {least:.3g} texels get one luxel each: there are too many to chart; take fewer texels per metre"
         warnings.warn(text, LuxelWarning, stacklevel=3)
     charted = [p.sound & (p.extent > least)[p.piece] for p in pieces]
-    atlas = _packed(surfaces, charted, page, gutter)
-    made, number, first = [], 0, 0
+    flats = iter(_packed(surfaces, charted, page, gutter, progress))
+    made: list[Charted] = []
+    first = 0
     for surface, chosen in zip(surfaces, charted, strict=True):
-        made.append(_laid(atlas, number, surface, chosen, first, page) if chosen.any() else _nowhere(surface))
-        number, first = number + bool(chosen.any()), max(first, int(made[-1].chart.max(initial=-1)) + 1)
+        made.append(_laid(next(flats), surface, chosen, first, page) if chosen.any() else _nowhere(surface))
+        first = max(first, int(made[-1].chart.max(initial=-1)) + 1)
     return _with_points(made, surfaces, pieces, least, page, gutter)
 
 
-def _packed(surfaces: list[Surface], charted: list[Array], page: int, gutter: int) -> Any:
-    """xatlas's atlas of the charted triangles of each surface, which are its meshes; surfaces without any are left out."""
-    try:
-        import xatlas
-    except ImportError as error:
-        raise ExtraMissingError("xatlas", "bake", "making lightmap coordinates") from error
-    atlas, options, packing = xatlas.Atlas(), xatlas.ChartOptions(), xatlas.PackOptions()
+def _packed(surfaces: list[Surface], charted: list[Array], page: int, gutter: int, progress: Callable[[float], None] | None) -> list[Flat]:
+    """The charted triangles of each surface as xatlas lays them; surfaces without any are left out."""
+    sheets, sizes = [], [np.zeros(0)]
     for surface, chosen in zip(surfaces, charted, strict=True):
         if chosen.any():
-            faces = surface.triangles[chosen]
-            used, faces = np.unique(faces, return_inverse=True)
+            used, faces = np.unique(surface.triangles[chosen], return_inverse=True)
             corners = surface.positions[used].astype(np.float64)
-            atlas.add_mesh((corners - corners.mean(0)).astype(np.float32), faces.reshape(-1, 3).astype(np.uint32), surface.normals[used])
-    options.max_chart_area, options.max_cost = (_FULL * page) ** 2, _COST
-    packing.resolution, packing.texels_per_unit = page, 1.0
-    packing.padding = gutter // 2 + 1  # around each chart, so twice between two; up to two are lost when charts move to texels' corners
-    packing.rotate_charts_to_axis = True
-    if any(chosen.any() for chosen in charted):
-        atlas.generate(options, packing)
-    return atlas
+            sheets.append(Sheet((corners - corners.mean(0)).astype(np.float32), faces.reshape(-1, 3).astype(np.uint32), surface.normals[used]))
+            sizes.append(areas(surface.positions, surface.triangles[chosen]))
+    typical = float(np.median(np.concatenate(sizes))) if sheets else 0.0
+    padding = gutter // 2 + 1  # around each chart, so twice between two; up to two are lost when charts move to texels' corners
+    return pack(sheets, Wishes(page, padding, min((_FULL * page) ** 2, max(_LEAST_CHART, _TRIANGLES * typical)), _COST), progress)
 
 
 def _nowhere(surface: Surface) -> Charted:
@@ -90,17 +91,12 @@ def _nowhere(surface: Surface) -> Charted:
     return Charted(np.arange(n, dtype=np.int32), surface.triangles, np.zeros((n, 2)), np.full(m, -1, np.int32), np.zeros(m, np.int32))
 
 
-def _laid(atlas: Any, number: int, surface: Surface, chosen: Array, first: int, size: int) -> Charted:
-    """What xatlas made of its mesh `number`, with exact densities: charts from `first` on. Triangles not chosen keep vertices of their own."""
-    source, triangles, texcoords = atlas.get_mesh(number)
-    source, triangles = np.unique(surface.triangles[chosen])[source].astype(np.int32), triangles.astype(np.int32)
-    count, m = atlas.get_mesh_chart_count(number), len(chosen)
-    chart, page = np.full(len(triangles), -1, np.int32), np.zeros(len(triangles), np.int32)
-    for k in range(count):
-        found = atlas.get_mesh_chart(number, k)
-        faces = np.asarray(found.faces, np.int64)
-        chart[faces], page[faces] = k, found.atlas_index
-    flat = exact(surface.positions[source].astype(np.float64), triangles, texcoords.astype(np.float64) * size, chart, count)
+def _laid(made: Flat, surface: Surface, chosen: Array, first: int, size: int) -> Charted:
+    """What xatlas made of a mesh, with exact densities: charts from `first` on. Triangles not chosen keep vertices of their own."""
+    source, triangles = np.unique(surface.triangles[chosen])[made.source].astype(np.int32), made.triangles.astype(np.int32)
+    chart, page, m = made.chart, made.page, len(chosen)
+    texcoords = made.texcoords.astype(np.float64) * size
+    flat = exact(surface.positions[source].astype(np.float64), triangles, texcoords, chart, int(chart.max(initial=-1)) + 1)
     rest = surface.triangles[~chosen]
     every = Charted(np.concatenate([source, rest.ravel()]), np.empty((m, 3), np.int32), np.concatenate([flat, np.zeros((rest.size, 2))]),
                     np.full(m, -1, np.int32), np.zeros(m, np.int32))  # fmt: skip

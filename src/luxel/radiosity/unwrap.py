@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -46,7 +46,7 @@ class Atlas(NamedTuple):
 
 
 def unwrap(scene: Scene, density: float | Mapping[str, float] | None = None, page: int | tuple[int, int] = 1024, gutter: int = 2,
-           reuse: bool = True, threads: int | None = None) -> Atlas:  # fmt: skip
+           reuse: bool = True, threads: int | None = None, progress: Callable[[float], None] | None = None) -> Atlas:  # fmt: skip
     """Give every instance lightmap coordinates.
 
     A scene's own TEXCOORD_1 is taken if it serves: inside 0..1, without overlap, with charts of a texel at least. Meshes whose coordinates overlap
@@ -61,10 +61,12 @@ def unwrap(scene: Scene, density: float | Mapping[str, float] | None = None, pag
         gutter: Texels that stay free between new charts, at least.
         reuse: Take the scene's own coordinates if they serve.
         threads: None: all that the process may use. The result does not depend on it.
+        progress: Called with the share that is probably done while xatlas works on a large scene; it takes some 0.1 s for 1,000 curved triangles.
 
     Raises:
         InputError: An argument is out of range, or the scene cannot be drawn.
         ExtraMissingError: xatlas is not installed.
+        LuxelError: xatlas failed.
     """
     width, height = (_whole(side, "page", 16, 1 << 14) for side in (page if isinstance(page, tuple) else (page, page)))
     gutter, threads = _whole(gutter, "gutter", 0, 64), checked_threads(threads)
@@ -82,7 +84,7 @@ def unwrap(scene: Scene, density: float | Mapping[str, float] | None = None, pag
     meshes = [mesh if mesh.normals is not None else replace(mesh, normals=made_normals(mesh)) for mesh in meshes]  # cuts change no shading
     scaled = [Surface((s.positions * d).astype(np.float32), s.triangles, s.normals) for s, d in zip(surfaces, each, strict=True)]
     side = min(width, height)  # xatlas packs squares
-    charted, pages = chart_surfaces(scaled, side, gutter)
+    charted, pages = chart_surfaces(scaled, side, gutter, progress)
     return _assembled(scene, drawn, meshes, charted, pages, _page_size(charted, pages, side))
 
 
