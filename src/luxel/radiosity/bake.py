@@ -217,9 +217,9 @@ def _lights(scene: Scene, sky: Any, quality: str) -> Array:
 
 def _per_luxel(prepared: _Prepared, values: Array) -> Array:
     """(n, 3) float32 per luxel of (3, elements): of their fronts."""
-    front = ~prepared.cut.back
+    front = np.flatnonzero(~prepared.cut.back)
     result = np.zeros((len(prepared.luxels.area), 3), np.float32)
-    result[prepared.cut.luxel[front]] = values[:, front].T
+    result[prepared.cut.luxel.take(front)] = values[:, front].T
     return result
 
 
