@@ -3,6 +3,7 @@
     python benchmarks/layout.py                 # print
     python benchmarks/layout.py --write         # and put the tables into RESULTS.md
     python benchmarks/layout.py --quick         # without the widest look-ahead and the largest meshes
+    python benchmarks/layout.py --only speed    # or orders: the half that reads the clock, for which the machine should be quiet, or the other
 
 Misses are counted by meshoptimizer's analyser where it is installed. Without it, or without the models, it says so and measures the rest.
 """
@@ -201,10 +202,40 @@ def growth_table(sizes: list[int], threads: int) -> str:
     return table(head, rows)
 
 
+def orders(peer: Meshoptimizer | None, welded: list[Case], files: list[Case], width: int, threads: int) -> list[str]:
+    """What the orders miss: no clock is read."""
+    text = []
+    for cache in FIFO:
+        print(f"FIFO of {cache}", flush=True)
+        text += [f"ACMR on a FIFO of {cache}, vertices welded by position. Meshes with * were used to fit the costs.",
+                 quality_table(peer, welded, cache, width, threads)]  # fmt: skip
+    print("models", flush=True)
+    text += ["ATVR on the GPU models (cache, warp, group: nvidia 32, 32, 32; amd 14, 64, 128; intel 128; mobile 16), `auto`. "
+             "Those with * were used to fit the patches for nvidia; amd and intel were fitted on the three with * above, and meshes made by code.",
+             models_table(peer, welded, threads)]  # fmt: skip
+    print("files", flush=True)
+    small = [case for case in files if len(case.triangles) < 200_000]
+    return [*text, "ACMR on a FIFO of 12, vertices as the files have them.", quality_table(peer, small, 12, min(width, 16), threads)]
+
+
+def speed(peer: Meshoptimizer | None, welded: list[Case], sizes: list[int], repeats: int, threads: int) -> list[str]:
+    """How long they take."""
+    text = []
+    if welded:
+        print("speed", flush=True)
+        text += ["Million triangles a second of one core (processor time, medians, in turns), whole calls, at a FIFO of 12.",
+                 speed_table(peer, welded, repeats)]  # fmt: skip
+        largest = max(welded, key=lambda case: len(case.triangles))
+        text += ["Threads, the best of the runs, by the clock and by processor time (two threads alone on two cores take half as long by the clock):",
+                 threads_table(largest, repeats)]  # fmt: skip
+    return [*text, "Growth, on bumpy spheres:", growth_table(sizes, threads)]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--repeats", type=int, default=9)
     parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--only", choices=["orders", "speed"], help="what the orders miss, or how long they take; both unless told")
     parser.add_argument("--quick", action="store_true", help="look-ahead no wider than 16, and no mesh above a million triangles")
     parser.add_argument("--write", action="store_true", help="put the tables into RESULTS.md")
     options = parser.parse_args()
@@ -215,35 +246,22 @@ def main() -> None:
     except Missing as missing:
         peer, peer_name = None, f"missing ({missing})"
     print(f"{machine()}\npeer: {peer_name}", flush=True)
-    text = [f"{machine()}. Peer: {peer_name}, compiled C++ called through ctypes."]
-    width = 16 if options.quick else WIDEST
+    head = f"{machine()}. Peer: {peer_name}, compiled C++ called through ctypes."
     folder = meshes()
+    welded, files = models(folder) if folder else ([], [])
     if folder is None:
-        text.append("No real models: LUXEL_MESHES names no folder.")
-    else:
-        welded, files = models(folder)
-        for cache in FIFO:
-            print(f"FIFO of {cache}", flush=True)
-            text += [f"ACMR on a FIFO of {cache}, vertices welded by position. Meshes with * were used to fit the costs.",
-                     quality_table(peer, welded, cache, width, options.threads)]  # fmt: skip
-        print("speed", flush=True)
-        text += ["Speed: million triangles a second of one core (processor time, medians, in turns), whole calls, at a FIFO of 12.",
-                 speed_table(peer, welded, options.repeats)]  # fmt: skip
-        print("models", flush=True)
-        text += ["ATVR on the GPU models (cache, warp, group: nvidia 32, 32, 32; amd 14, 64, 128; intel 128; mobile 16), `auto`. "
-                 "Those with * were used to fit the patches for nvidia.",
-                 models_table(peer, welded, options.threads)]  # fmt: skip
-        print("files", flush=True)
-        text += ["ACMR on a FIFO of 12, vertices as the files have them.",
-                 quality_table(peer, [case for case in files if len(case.triangles) < 200_000], 12, min(width, 16), options.threads)]  # fmt: skip
-        largest = max(welded, key=lambda case: len(case.triangles))
-        text += ["Threads, the best of the runs, by the clock and by processor time (two threads alone on two cores take half as long by the clock):",
-                 threads_table(largest, options.repeats)]  # fmt: skip
-    sizes = [50, 158, 500] if options.quick else [50, 158, 500, 1581]
-    text += ["Growth, on bumpy spheres:", growth_table(sizes, options.threads)]
-    print("\n\n".join(text))
-    if options.write:
-        write_section("Mesh layout", "\n\n".join(text))
+        head += " No real models: LUXEL_MESHES names no folder."
+    made: dict[str, list[str]] = {}
+    if options.only != "speed" and folder:
+        made["Mesh layout"] = orders(peer, welded, files, 16 if options.quick else WIDEST, options.threads)
+    if options.only != "orders":
+        sizes = [50, 158, 500] if options.quick else [50, 158, 500, 1581]
+        made["Mesh layout, speed"] = speed(peer, welded, sizes, options.repeats, options.threads)
+    for title, parts in made.items():
+        text = "\n\n".join([head, *parts])
+        print(f"## {title}\n\n{text}")
+        if options.write:
+            write_section(title, text)
 
 
 if __name__ == "__main__":

@@ -33,7 +33,7 @@ Check = Annotated[bool, _option(None, "--check", help="Read OUT again, and prove
 Threads = Annotated[str | None, _option(None, "--threads", metavar="N", help="Of the processor [all].")]
 
 _order = partial(_option, "Order")
-_orders = "look-ahead, greedy, patches, greedy-2016, lin-yu, forsyth, tipsify, morton, random, file, or auto: the best of several [auto]."
+_orders = "look-ahead, greedy, greedy-fifo, patches, greedy-2016, lin-yu, forsyth, tipsify, morton, random, file, auto: the best of several [auto]."
 Order = Annotated[str, _order("--order", metavar="NAME", help=_orders)]
 Cache = Annotated[str | None, _order("--cache", metavar="K", help="For a cache of so many vertices [12].")]
 Policy = Annotated[str | None, _order("--policy", metavar="NAME", help="That works as fifo or lru [fifo].")]

@@ -116,8 +116,8 @@ class _Job:
         return source
 
 
-def _greedy(job: _Job, name: str) -> Array:
-    costs = cost_table(name, job.weights, job.modelled, job.fit)
+def _greedy(job: _Job, name: str, fit: str = "fifo") -> Array:
+    costs = cost_table(name, job.weights, job.modelled, fit)
     return job.in_parts(lambda faces, vertices: greedy(faces, vertices, job.modelled, costs))
 
 
@@ -142,7 +142,8 @@ _MADE: dict[str, Callable[[_Job], Array]] = {
     "random": lambda job: shuffled(len(job.faces)),
     "morton": lambda job: morton(job.faces, job.positions, job.vertices),
     "forsyth": lambda job: forsyth(job.faces, job.rows),
-    "greedy": lambda job: _greedy(job, "greedy"),
+    "greedy": lambda job: _greedy(job, "greedy", job.fit),
+    "greedy-fifo": lambda job: _greedy(job, "greedy"),
     "lin-yu": lambda job: _greedy(job, "lin-yu"),
     "greedy-2016": lambda job: _greedy(job, "greedy-2016"),
     "look-ahead": _look_ahead,
@@ -165,8 +166,8 @@ def order(triangles: object, vertex_count: int | None = None, order: str = "auto
         triangles: (m, 3) int32 vertex indices.
         vertex_count: Vertices of the mesh; None: one more than the largest index.
         order: One of `ORDERS`: "file" (as it is), "random", "morton", "tipsify", "forsyth", "greedy", "lin-yu", "greedy-2016", "look-ahead",
-            "patches" (see their modules), or "auto": the best of the input, one greedy pass and look-ahead on the target (and patches for a GPU
-            with batches), found by simulating it.
+            "patches" (see their modules), "greedy-fifo" ("greedy" with the cost of plain FIFOs, whatever the GPU), or "auto": the best of the
+            input, one greedy pass and look-ahead on the target (and "greedy-fifo" and patches for GPUs), found by simulating it.
         cache: Vertices the cache holds, at least 3.
         policy: "fifo" or "lru".
         profile: Order for a GPU instead of `cache` and `policy`: "nvidia", "amd", "intel", "mobile", or a `batch.Model`.
@@ -227,6 +228,8 @@ def _auto(job: _Job, seconds: float | None) -> Ordered:
     if seconds is not None:
         left = seconds - (time.perf_counter() - began)
         job.width = int(min(MOST_WIDTH, left / (PER_WIDTH * max(tried[1][0].seconds, 1e-6))))
+    if job.fit != "fifo":
+        tried.append(_try(job, "greedy-fifo"))
     if job.model and job.model.group:
         tried.append(_try(job, "patches"))
     if job.width > 0:

@@ -117,7 +117,7 @@ def _orders() -> list[str]:
     from luxel.layout import ORDERS
 
     peers = ["meshoptimizer", "meshoptimizer Fifo"] if find_spec("meshoptimizer") else []
-    return [*ORDERS, *peers]
+    return [*(name for name in ORDERS if name != "greedy-fifo"), *peers]  # for a FIFO that is greedy
 
 
 def _peer(model: Model, name: str, cache: int) -> tuple[Array, float]:
