@@ -231,7 +231,8 @@ def test_vertex_colours_multiply_the_albedo():
 
 def test_metals_have_no_diffuse_light():
     material = Material((0.9, 0.9, 0.9, 1), metallic=1.0, shading="pbr")
-    luxels = find_luxels(laid_out([rectangle(0, 0, 4, 4, material=0)], (4, 4), [material]))
+    with pytest.warns(LuxelWarning, match="most of the surface is black or metal, and gives back no diffuse light: material number 0"):
+        luxels = find_luxels(laid_out([rectangle(0, 0, 4, 4, material=0)], (4, 4), [material]))
     assert not luxels.albedo.any()
 
 

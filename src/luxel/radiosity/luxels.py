@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 MOST_ALBEDO = 0.99
 """Surfaces that would give back more than this of the light are taken for this bright; else light would never end."""
 
+_BLACK, _MOST_BLACK = 1e-3, 0.5  # albedo, and share of the surface
 _LEAST_KEPT = 0.5  # of a chart's area: if other charts took more of its texels, what is left does not stand for all of it
 
 
@@ -72,7 +73,7 @@ class Luxels(NamedTuple):
 def find_luxels(atlas: Atlas, threads: int | None = None) -> Luxels:
     """The luxels of an unwrapped scene; the same for any number of threads.
 
-    Says in a `LuxelWarning` if surfaces are too bright, or charts share texels.
+    Says in a `LuxelWarning` if surfaces are too bright, most of them are metal, or charts have lost all their texels.
     """
     threads = jit.checked_threads(threads)
     geometry = flatten(atlas.scene, "none")
@@ -93,7 +94,8 @@ def find_luxels(atlas: Atlas, threads: int | None = None) -> Luxels:
     if not keep.all():
         per_luxel = {name: getattr(luxels, name)[keep] for name in Luxels._fields[:11]}
         luxels = luxels._replace(**per_luxel)
-    return _tell(_clamped(luxels, atlas.scene, geometry))
+    _tell(luxels, atlas.scene, geometry)
+    return luxels._replace(albedo=luxels.albedo.clip(0, np.float32(MOST_ALBEDO)), emission=luxels.emission.clip(0, None))
 
 
 def surface_areas(geometry: Geometry) -> Array:
@@ -149,20 +151,24 @@ def _plain(scene: Scene) -> Scene:
     return replace(scene, materials=materials)
 
 
-def _clamped(luxels: Luxels, scene: Scene, geometry: Geometry) -> Luxels:
-    """Albedo between 0 and MOST_ALBEDO, and no negative emission."""
-    bright = (luxels.albedo > MOST_ALBEDO).any(1)
+def _tell(luxels: Luxels, scene: Scene, geometry: Geometry) -> None:
+    """Warn of what a bake cannot show as it is."""
+    texts = []
+    bright, black = luxels.albedo.max(1, initial=0) > MOST_ALBEDO, luxels.albedo.max(1, initial=0) < _BLACK
     if bright.any():
-        rows = np.unique(geometry.part_material[part_of(geometry, luxels.triangle[bright])])
-        names = ", ".join(repr(m.name) if m.name else f"number {row}" for row, m in enumerate([*scene.materials, Material()]) if row in rows[:6])
-        more = f" and {len(rows) - 6} more" if len(rows) > 6 else ""
-        text = f"{bright.sum()} luxels are brighter than a surface can be and give back {MOST_ALBEDO:g} of the light: material {names}{more}"
-        warnings.warn(text, LuxelWarning, stacklevel=4)
-    return luxels._replace(albedo=luxels.albedo.clip(0, np.float32(MOST_ALBEDO)), emission=luxels.emission.clip(0, None))
-
-
-def _tell(luxels: Luxels) -> Luxels:
+        who = _materials(luxels, bright, scene, geometry)
+        texts.append(f"{bright.sum()} luxels are brighter than a surface can be and give back {MOST_ALBEDO:g} of the light: material {who}")
+    if luxels.area[black].sum(dtype=np.float64) > _MOST_BLACK * luxels.area.sum(dtype=np.float64):
+        who = _materials(luxels, black, scene, geometry)
+        texts.append(f"most of the surface is black or metal, and gives back no diffuse light: material {who}")
     if len(luxels.lost):
-        text = f"{len(luxels.lost)} charts have no luxel of their own, as larger charts have their texels: take more texels per metre or new charts"
+        texts.append(f"{len(luxels.lost)} charts have no luxel, as larger charts have all their texels: take more texels per metre or new charts")
+    for text in texts:
         warnings.warn(text, LuxelWarning, stacklevel=3)
-    return luxels
+
+
+def _materials(luxels: Luxels, chosen: Array, scene: Scene, geometry: Geometry) -> str:
+    """Names of the materials of the chosen luxels."""
+    rows = np.unique(geometry.part_material[part_of(geometry, luxels.triangle[chosen])])
+    known = [*(repr(m.name) if m.name else f"number {row}" for row, m in enumerate(scene.materials)), "by default"]
+    return ", ".join(known[row] for row in rows[:6]) + (f" and {len(rows) - 6} more" if len(rows) > 6 else "")
