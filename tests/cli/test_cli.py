@@ -14,7 +14,7 @@ from luxel import Picture, __version__, frame, load
 from luxel.cli import main
 from luxel.io.images import read_image, write_png
 
-COMMANDS = ["demo", "render", "bake", "info", "diff", "filter", "optimize", "study"]
+COMMANDS = ["demo", "render", "bake", "form-factors", "info", "diff", "filter", "optimize", "study"]
 CUBE = """\
 v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1
 f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8

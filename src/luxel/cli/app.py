@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from luxel.cli import bake, demo, diff, filter, info, optimize, render, study
+from luxel.cli import bake, demo, diff, filter, form_factors, info, optimize, render, study
 
 _EPILOG = "Start here:\n  luxel demo\n  luxel render model.glb -o model.png\n  luxel render --help"
 
@@ -52,9 +52,9 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
     epilog=_EPILOG,
 )
-for module in (demo, render, bake, info, diff, filter, optimize, study):
+for module in (demo, render, bake, form_factors, info, diff, filter, optimize, study):
     name = module.__name__.rpartition(".")[2]
-    app.command(name, cls=Command, epilog=f"Example:\n  {module.EXAMPLE}")(getattr(module, name))
+    app.command(name.replace("_", "-"), cls=Command, epilog=f"Example:\n  {module.EXAMPLE}")(getattr(module, name))
 
 
 def _version(wanted: bool) -> None:

@@ -59,7 +59,7 @@ def form_factors(
         meshes: n meshes, each one surface of any number of triangles, in metres. It may see itself.
         one_sided: Surfaces radiate and receive on their front only, where their triangles run counter-clockwise; they hide from both sides.
             Otherwise on both sides.
-        tolerance: Relative error aimed at in each F_ij, or absolute error of so much over n (or 64), whichever allows more: 1e-3, or 2e-5 for the
+        tolerance: Relative error aimed at in each F_ij, or absolute error of so much over n (or 1000), whichever allows more: 1e-3, or 2e-5 for the
             reference.
         reference: Look closer at partly hidden pairs, and settle for rays only between hundreds of obstacles.
         threads: How many; default all cores. The result does not depend on it.
@@ -76,7 +76,7 @@ def form_factors(
     if not 1e-9 <= tolerance <= 0.5:
         raise InputError(f"tolerance: expected a number from 1e-9 to 0.5, got {tolerance!r}")
     n = len(surfaces)
-    wanted = Wanted(tolerance, tolerance / max(n, 64), 3 if reference else 2, 4096 if reference else 64, one_sided)
+    wanted = Wanted(tolerance, tolerance / max(n, 1000), 3 if reference else 2, 4096 if reference else 64, one_sided)
     world, starts = _world(surfaces)
     areas = np.bincount(world.polygons.surface, world.polygons.area, n)
     if n and not areas.all():

@@ -26,7 +26,7 @@ _R1, _R2, _R3 = RULES[1:]
 _GAUSS = (0.5 - math.sqrt(3.0) / 6.0, 0.5 + math.sqrt(3.0) / 6.0)
 _DEEPEST = 9  # halvings of a cell
 _LEEWAY = 2.0  # a cell's quarters are so much closer to the truth than it is
-_STAKE = 64.0  # floors that a cell must be worth to be quartered unasked
+_STAKE = 1000.0  # floors that a cell must be worth to be quartered unasked
 _RAYS = 64
 _NEAR = 0.7  # sizes over distance from which quadrature points on both do not pay
 
@@ -159,11 +159,14 @@ def _partly_hidden(world, a, b, found, whole, wanted, floor, scratch):
             continue
         scratch.found[level + 1] = between
         half, quarters = 0.5 * size, 0.0
-        for i in range(4):
+        for i in range(4 if level else 5):
             x, y = u + half * (i & 1), v + half * (i >> 1)
-            part = _cell(world, a, b, kept, between, piece, x, y, half, scratch)
+            part = _cell(world, a, b, kept, between, piece, x if i < 4 else u, y if i < 4 else v, half if i < 4 else size, scratch)
             if part < 0.0:
                 return -1.0, 0.0
+            if i == 4:  # nothing larger has told the value of the whole piece
+                value = part
+                continue
             quarters += part
             row = depth + i
             cells[row, 0], cells[row, 1], cells[row, 2], cells[row, 3], cells[row, 4], cells[row, 5] = piece, x, y, half, part, level + 1
@@ -172,7 +175,7 @@ def _partly_hidden(world, a, b, found, whole, wanted, floor, scratch):
         allowed = max(_LEEWAY * wanted.tolerance * max(seen, 0.02 * whole), floor)
         gap = abs(quarters - value)
         stake = whole * size * size  # what is at stake, about
-        sure = level > 0 if between == 0 else level >= wanted.levels or stake <= _STAKE * floor
+        sure = between == 0 or level >= wanted.levels or stake <= _STAKE * floor
         if (sure and gap <= allowed * size) or stake <= floor or level == _DEEPEST:
             total += quarters
             error += gap / _LEEWAY

@@ -24,7 +24,8 @@ _STACK = 4 * 16
 def _cut(pieces, source, count, mx, my, mz, m, tolerance, inside, outside):
     """Cut the piece `source` of `count` corners by the plane through mx x + my y + mz z = m.
 
-    The parts above and below go to the rows `inside` and `outside`; returns their numbers of corners, 0 where there is no part; -1 if too many.
+    The parts above and below go to the rows `inside` and `outside`, unless all of it is one of them; returns their numbers of corners, 0 where
+    there is no part; -1 if too many.
     """
     above = below = False
     for k in range(count):
@@ -33,6 +34,8 @@ def _cut(pieces, source, count, mx, my, mz, m, tolerance, inside, outside):
         below |= h < -tolerance
     if not above:
         return 0, count
+    if not below:
+        return count, 0
     n_in, n_out = np.int64(0), np.int64(0)
     ax, ay, az = pieces[source, count - 1, 0], pieces[source, count - 1, 1], pieces[source, count - 1, 2]
     a = ax * mx + ay * my + az * mz - m
@@ -41,17 +44,17 @@ def _cut(pieces, source, count, mx, my, mz, m, tolerance, inside, outside):
             return -1, -1
         bx, by, bz = pieces[source, k, 0], pieces[source, k, 1], pieces[source, k, 2]
         b = bx * mx + by * my + bz * mz - m
-        if below and ((a > 0.0 and b < 0.0) or (a < 0.0 and b > 0.0)):
+        if (a > 0.0 and b < 0.0) or (a < 0.0 and b > 0.0):
             t = a / (a - b)
             x, y, z = ax + t * (bx - ax), ay + t * (by - ay), az + t * (bz - az)
             pieces[inside, n_in, 0], pieces[inside, n_in, 1], pieces[inside, n_in, 2] = x, y, z
             pieces[outside, n_out, 0], pieces[outside, n_out, 1], pieces[outside, n_out, 2] = x, y, z
             n_in += 1
             n_out += 1
-        if b >= 0.0 or not below:
+        if b >= 0.0:
             pieces[inside, n_in, 0], pieces[inside, n_in, 1], pieces[inside, n_in, 2] = bx, by, bz
             n_in += 1
-        if b <= 0.0 and below:
+        if b <= 0.0:
             pieces[outside, n_out, 0], pieces[outside, n_out, 1], pieces[outside, n_out, 2] = bx, by, bz
             n_out += 1
         ax, ay, az, a = bx, by, bz, b
@@ -103,6 +106,8 @@ def _outer_parts(pieces, counts, row, number, planes, sides, tolerance):
         n_in, n_out = _cut(pieces, source, count, planes[s, 0], planes[s, 1], planes[s, 2], planes[s, 3], tolerance, spare, number)
         if n_in < 3:
             return -1 if n_in < 0 else -2
+        if n_out == 0:
+            continue
         if n_out >= 3:
             counts[number] = n_out
             number += 1
