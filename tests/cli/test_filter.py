@@ -67,7 +67,7 @@ def test_kernels_and_spectra(picture, capsys):
         ("in.png --gaussian 2", "nothing would be written"),
         ("in.png -o out.png --gaussian 2 --ideal .2", "--gaussian and --ideal: one of them"),
         ("in.png -o out.png --gaussian 2 --order 3", "--order is for --butterworth"),
-        ("in.png -o out.png --gaussian two", "--gaussian: expected pixels, got 'two'"),
+        ("in.png -o out.png --gaussian two", "--gaussian: expected a number of pixels, got 'two'"),
         ("in.png -o out.png --gaussian -1", "standard deviation above 0"),
         ("in.png -o out.png --ideal 3", "cycles per pixel above 0"),
         ("in.png -o out.png --butterworth .2 --order 0", "order: expected"),

@@ -83,6 +83,13 @@ def test_a_command_under_mpiexec_writes_one_file(tmp_path):
 
 
 @needs_mpi
+def test_a_wrong_word_is_told_once():
+    done = mpi(3, "-m", "luxel", "filter", "in.png", "--gausian", "2")
+    assert done.returncode == 2
+    assert done.stderr == "luxel: error: No such option --gausian. Did you mean --gaussian?\n"
+
+
+@needs_mpi
 def test_a_missing_file_ends_the_command_on_every_rank(tmp_path):
     done = mpi(3, "-m", "luxel", "filter", tmp_path / "nothing.png", "-o", tmp_path / "out.png", "--gaussian", "1", timeout=60)
     assert done.returncode != 0

@@ -65,6 +65,8 @@ def _guarded(words: list[str]) -> int:
             print("luxel: interrupted", file=sys.stderr)  # noqa: T201
             return INTERRUPTED
         usage = getattr(error, "format_message", None)  # typer's own errors, wherever this version of it keeps them
+        if usage and any(os.environ.get(name, "0") != "0" for name in ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK")):
+            return 2  # every rank has read the same words; the first one says what is wrong with them
         if usage:
             return _fail(_suggested(error, usage(), words), 2, words, error)
         what = str(error) or "no message"

@@ -103,12 +103,12 @@ def _chosen(gaussian: str | None, butterworth: str | None, order: str | None, id
     if order is not None and butterworth is None:
         raise InputError("--order is for --butterworth")
     if gaussian is not None:
-        return make_filter(gaussian=values.number(gaussian, "--gaussian", "pixels"))
+        return make_filter(gaussian=values.number(gaussian, "--gaussian", "a number of pixels"))
     if butterworth is not None:
-        pair = values.number(butterworth, "--butterworth", "cycles per pixel"), values.number(order or "2", "--order", "a number above 0")
+        pair = values.number(butterworth, "--butterworth", "a number of cycles per pixel"), values.number(order or "2", "--order", "a number above 0")
         return make_filter(butterworth=pair)
     if ideal is not None:
-        return make_filter(ideal=values.number(ideal, "--ideal", "cycles per pixel"))
+        return make_filter(ideal=values.number(ideal, "--ideal", "a number of cycles per pixel"))
     return None if kernel is None else make_filter(kernel=kernel_file(kernel))
 
 

@@ -140,7 +140,7 @@ def lowpass(image: Array | None, filter: Filter | None, comm: Comm, border: str 
     if banded:
         return _by_bands(image, filter, comm, border, value, method, threads)
     if method not in ("auto", "dct"):
-        raise InputError(f"method: {method} cannot apply this filter")
+        raise InputError(f"method: {method} cannot apply this filter, but dct can")
     return _by_slabs(image, filter, comm, border, value, threads)
 
 

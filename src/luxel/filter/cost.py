@@ -13,10 +13,10 @@ from luxel.filter.tile_fft import SIZES
 
 METHODS = ("separable", "direct", "tiles", "fft", "dct")
 
-_SEPARABLE = (1.1, 0.035)  # a number of the picture, and a tap for it
-_DIRECT = (0.7, 0.027)
-_FFT = 0.8  # a number of the extended picture and a factor of 2 in its size
-_DCT = 0.68
+_SEPARABLE = (1.15, 0.035)  # a number of the picture, and a tap for it
+_DIRECT = (0.65, 0.027)
+_FFT = 0.67  # a number of the extended picture and a factor of 2 in its size
+_DCT = 0.60
 _PAIR = {32: 2.3e3, 64: 10.5e3, 128: 52e3, 256: 270e3, 512: 1.55e6, 1024: 8.5e6, 2048: 38e6}  # two planes of a tile, there and back
 _KEPT = 5.0  # a pixel of the two that is kept: brought in and out
 _START = {"separable": 20e3, "direct": 20e3, "tiles": 60e3, "fft": 100e3, "dct": 100e3}  # a call

@@ -176,11 +176,10 @@ def apply(image: Array, filter: Filter, border: str, value: float, method: str, 
     """Filter (h, w, c) float32 or float64 as it stands; arguments as of `lowpass`. `rows`: what to call its rows in an error."""
     if method not in ("auto", *cost.METHODS):
         raise InputError(f"method: expected auto or one of {', '.join(cost.METHODS)}; got {method!r}")
-    ways = plans(filter, image.shape, border, threads)  # type: ignore[arg-type]
-    if method != "auto":
-        ways = [plan for plan in ways if plan.method == method]
+    every = plans(filter, image.shape, border, threads)  # type: ignore[arg-type]
+    ways = [plan for plan in every if method in ("auto", plan.method)]
     if not ways:
-        raise InputError(f"method: {method} cannot apply this filter")
+        raise InputError(f"method: {method} cannot apply this filter, but {' and '.join(sorted(plan.method for plan in every))} can")
     out, finite = _apply(ways[0], image, filter, border, value, threads)
     if not finite:
         refuse_odd(image, rows)
