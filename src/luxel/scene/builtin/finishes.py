@@ -99,7 +99,7 @@ def _things(made: _Finishes) -> None:
     made.add("glaze", (64, 108, 126), 0.12)
     made.add("glass", (206, 232, 226), 0.05, alpha=0.13, alpha_mode="BLEND", double_sided=True)
     made.add("shade", (250, 226, 184), 0.9, double_sided=True, emissive=(0.62, 0.4, 0.2))
-    made.add("bulb", (255, 244, 220), 0.5, emissive=(6.0, 4.4, 2.8))
+    made.add("bulb", (252, 244, 220), 0.5, emissive=(6.0, 4.4, 2.8))
     made.add("books", roughness=0.7)
     made.add("painting", roughness=0.55, base_color_texture=made.texture("painting", t.painting()))
     made.add("terracotta pot", (178, 104, 74), 0.8)
