@@ -32,7 +32,7 @@ def own_coordinates(scene: Scene, drawn: list[Instance], meshes: list[Mesh], sur
 
     Args:
         surfaces: Of the drawn instances, in metres.
-        wanted: Texels per metre of each, which decides the size of the pages, up to `page`; or None: the size is `page`.
+        wanted: Texels per metre of each, which decides the size of the pages, `page` at most; or None: the size is `page`.
     """
     from luxel.radiosity.unwrap import Atlas
 
@@ -48,7 +48,9 @@ def own_coordinates(scene: Scene, drawn: list[Instance], meshes: list[Mesh], sur
     for texcoord, surface in zip(texcoords, surfaces, strict=True):
         charts.append(connected(surface.triangles, surface.positions, np.c_[texcoord, np.zeros(len(texcoord))].astype(np.float32)) + first)
         first = int(charts[-1].max(initial=first - 1)) + 1
-    size = page if wanted is None else _size(texcoords, surfaces, wanted, page)
+    size = page if wanted is None else _size(texcoords, surfaces, wanted)
+    if size[0] > page[0] or size[1] > page[1]:  # new coordinates can have several pages, and the density
+        return None
     made = [replace(mesh) for mesh in meshes]
     instances = [replace(instance, mesh=i) for i, instance in enumerate(drawn)]
     lit = replace(scene, meshes=made, instances=instances)
@@ -75,7 +77,7 @@ def _share_out(texcoords: list[Array], surfaces: list[Surface], threads: int) ->
     return np.array(page, np.int32)
 
 
-def _size(texcoords: list[Array], surfaces: list[Surface], wanted: list[float], page: tuple[int, int]) -> tuple[int, int]:
+def _size(texcoords: list[Array], surfaces: list[Surface], wanted: list[float]) -> tuple[int, int]:
     """Width and height at which the surface has the density wanted, on the average over its area, along u and along v."""
     from luxel.radiosity.charts import linear_density
 
@@ -85,8 +87,8 @@ def _size(texcoords: list[Array], surfaces: list[Surface], wanted: list[float], 
         chart = np.zeros(len(surface.triangles), np.int32)
         per_metre = linear_density(surface.positions, surface.triangles, texcoord, chart, 1)[0]
         sums, total = sums + area * np.maximum(per_metre, 1e-9) / density, total + area
-    sides = np.round(total / np.maximum(sums, 1e-9)).astype(int)
-    return int(np.clip(sides[0], 4, page[0])), int(np.clip(sides[1], 4, page[1]))
+    sides = np.round(total / np.maximum(sums, 1e-9))
+    return max(4, int(sides[0])), max(4, int(sides[1]))
 
 
 def make_room(scene: Scene) -> Scene:

@@ -19,8 +19,8 @@ from luxel.raster.project import View, Window, project
 
 _CORNERS = 8  # of a triangle cut by four lines: at most seven
 _WHOLE = float(SUBPIXEL * SUBPIXEL)
-MOST_PAIRS = 1 << 26
-"""Pairs of texel and triangle listed at a time: 256 MiB."""
+MOST_PAIRS, MOST_TEXELS = 1 << 24, 1 << 21
+"""Pairs of texel and triangle, and texels, that are listed at a time: together some 200 MiB."""
 
 _EDGES = np.array([[0, 0], [SUBPIXEL, SUBPIXEL]], np.int32)  # a pattern for `bin` whose samples are the texel's corners: no texel touched is missed
 _FROM_PAGE = np.array([[2.0, 0, 0, -1], [0, -2.0, 0, 1], [0, 0, 0, 0.5], [0, 0, 0, 1]])  # u, v in 0..1, v down
@@ -92,7 +92,7 @@ def _bands(triangles: Array, screen: Array, width: int, height: int) -> list[tup
     found, first = [], 0
     while first < height:
         before = pairs[first - 1] if first else 0.0
-        last = max(first + 1, int(np.searchsorted(pairs, before + MOST_PAIRS, "right")))
+        last = max(first + 1, min(int(np.searchsorted(pairs, before + MOST_PAIRS, "right")), first + MOST_TEXELS // width))
         chosen = np.flatnonzero((top < last) & (bottom >= first)).astype(np.int32)
         found.append((first, last, chosen))
         first = last
