@@ -94,6 +94,6 @@ def _save(path: Path, factors: FormFactors) -> None:
 
     with atomic_write(path) as file:
         np.savez_compressed(
-            file, indices=factors.indices, indptr=factors.indptr, format=np.array(b"csr"), shape=np.array(factors.shape), data=factors.data, _is_array=True,
-            areas=factors.areas, row_sums=factors.row_sums, errors=factors.errors,
+            file, indices=factors.indices, indptr=factors.indptr, format=np.array(b"csr"), shape=np.array(factors.shape), data=factors.data,
+            _is_array=True, areas=factors.areas, row_sums=factors.row_sums, errors=factors.errors,
         )  # fmt: skip
