@@ -144,7 +144,7 @@ def main() -> None:
     arguments = parser.parse_args()
     errors = convergence()
     print(errors)
-    times = speed([0.75, 0.38, *([0.17] if arguments.large else [])])
+    times = speed([0.75, 0.38, *([0.175] if arguments.large else [])])
     text = (
         f"{machine()}\n\nRelative error by tolerance; discs are polygons of 128 corners and the disc's area:\n\n{errors}\n\n"
         f"A closed room with four boxes, all of it in patches, one-sided, default tolerance, all cores:\n\n{times}"
