@@ -3,7 +3,7 @@
     python benchmarks/lasting.py [renders]
 
 Scenes, sizes, samples, filters, outputs and cameras change from one to the next. Prints resident memory every tenth of the way, and the
-growth after the first tenth, which brings everything to its full size.
+growth after the first tenth, which brings everything to its full size. Every 16th picture is large enough for the arrays that are used again.
 """
 
 import gc
@@ -34,8 +34,10 @@ def main() -> None:
     held, started, digest = [], time.perf_counter(), 0
     for k in range(count):
         camera = luxel.Camera.look_at([4 * np.cos(k), 1, 4 * np.sin(k)], [0, 0, 0])
+        scale = 5 + k % 3 if k % 16 == 0 else 1
+        size = scale * (48 + k % 7 * 16), scale * (36 + k % 5 * 16)
         picture = luxel.render(
-            prepared[k % 4], camera, (48 + k % 7 * 16, 36 + k % 5 * 16), samples=(1, 4)[k % 2], filter=("box", "tent")[k % 5 == 0],
+            prepared[k % 4], camera, size, samples=(1, 4)[k % 2], filter=("box", "tent")[k % 5 == 0],
             outputs=(("color",), ("color", "depth", "triangle"), ("linear", "normal"))[k % 3],
         )  # fmt: skip
         digest ^= hash(np.asarray(picture).tobytes())
