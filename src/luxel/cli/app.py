@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from luxel.cli import bake, demo, diff, filter, form_factors, info, optimize, render, study
+from luxel.cli import bake, demo, diff, filter, form_factors, hardware, info, optimize, render, study
 
 _EPILOG = "Start here:\n  luxel demo\n  luxel render model.glb -o model.png\n  luxel render --help"
 
@@ -55,6 +55,10 @@ app = typer.Typer(
 for module in (demo, render, bake, form_factors, info, diff, filter, optimize, study):
     name = module.__name__.rpartition(".")[2]
     app.command(name.replace("_", "-"), cls=Command, epilog=f"Example:\n  {module.EXAMPLE}")(getattr(module, name))
+circuit = typer.Typer(cls=Group, rich_markup_mode=None, epilog=f"Example:\n  {hardware.EXAMPLE}", help=hardware.HELP)
+for function, example in hardware.COMMANDS:
+    circuit.command(function.__name__, cls=Command, epilog=f"Example:\n  {example}")(function)
+app.add_typer(circuit, name="hardware")
 
 
 def _version(wanted: bool) -> None:

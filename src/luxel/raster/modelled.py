@@ -7,18 +7,22 @@ no perspective: colours are linear on the screen. Alpha takes a fourth channel l
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
 from luxel.arrays import Array
 from luxel.errors import LuxelWarning
-from luxel.hardware import float24, interpolator
+from luxel.hardware import float24
 from luxel.hardware.scan import CENTRE
 from luxel.raster.bin import Bins, Clipped
 from luxel.raster.constants import SUBPIXEL
 from luxel.raster.geometry import Geometry
 from luxel.scene.scene import Scene
+
+Interpolate = Callable[[Array, Array, Array, Array, Array], Array]
+"""Of corners, colors, x, y and triangle the words of fragments, as `luxel.hardware.interpolator.shade`."""
 
 
 def check(scene: Scene) -> None:
@@ -30,13 +34,14 @@ def check(scene: Scene) -> None:
         warnings.warn(f"shading hardware: the interpolator has no textures; left out: those of {names}", LuxelWarning, stacklevel=4)
 
 
-def shade(bins: Bins, occupied: Array, first_tile: int, last_tile: int, width: int, height: int, ids: Array, pattern: Array, every_sample: bool,
-          geometry: Geometry, screen: Array, clipped: Clipped, blend: bool, samples: Array, threads: int) -> None:  # fmt: skip
+def shade(interpolate: Interpolate, bins: Bins, occupied: Array, first_tile: int, last_tile: int, width: int, height: int, ids: Array,
+          pattern: Array, every_sample: bool, geometry: Geometry, screen: Array, clipped: Clipped, blend: bool, samples: Array, threads: int) -> None:
     """Lay the visible triangles of tiles first_tile .. last_tile - 1 over what their samples hold.
 
     A pixel whose samples are all one triangle's is shaded once, at its centre, unless `every_sample`; others at every sample.
 
     Args:
+        interpolate: Colours of fragments; `luxel.hardware.interpolator.shade`, or what stands for it.
         bins, occupied, width, height, ids, pattern, every_sample, geometry, screen, clipped: As in `luxel.raster.shade.shade`.
         blend: Alpha counts; else what is drawn is opaque.
         samples: (tiles, 4 * s * tile * tile) float32, premultiplied, planar: `Target.samples`.
@@ -54,20 +59,20 @@ def shade(bins: Bins, occupied: Array, first_tile: int, last_tile: int, width: i
         if count > 1 and not every_sample:
             whole = there.all(0) & (seen == seen[0]).all(0)
             pixel = np.flatnonzero(whole)
-            colors = _colors(seen[0, pixel], x[pixel] * SUBPIXEL + CENTRE, y[pixel] * SUBPIXEL + CENTRE, geometry, screen, clipped)
+            colors = _colors(interpolate, seen[0, pixel], x[pixel] * SUBPIXEL + CENTRE, y[pixel] * SUBPIXEL + CENTRE, geometry, screen, clipped)
             for each in range(count):
                 _lay_over(held, each, pixel, colors, blend)
             there &= ~whole
         sample, pixel = np.nonzero(there)
         place = x[pixel] * SUBPIXEL + pattern[sample, 0], y[pixel] * SUBPIXEL + pattern[sample, 1]
-        _lay_over(held, sample, pixel, _colors(seen[sample, pixel], *place, geometry, screen, clipped), blend)
+        _lay_over(held, sample, pixel, _colors(interpolate, seen[sample, pixel], *place, geometry, screen, clipped), blend)
 
     with ThreadPoolExecutor(threads) as pool:
         for _ in pool.map(shade_tile, np.flatnonzero(occupied[first_tile:last_tile]) + first_tile):
             pass  # what a thread raises is raised here
 
 
-def _colors(ids: Array, x: Array, y: Array, geometry: Geometry, screen: Array, clipped: Clipped) -> Array:
+def _colors(interpolate: Interpolate, ids: Array, x: Array, y: Array, geometry: Geometry, screen: Array, clipped: Clipped) -> Array:
     """(n, 4) float32: straight colours of the triangles `ids` at fixed-point positions."""
     known, triangle = np.unique(ids, return_inverse=True)
     m = len(geometry.triangles)
@@ -78,7 +83,7 @@ def _colors(ids: Array, x: Array, y: Array, geometry: Geometry, screen: Array, c
     corners, colors = screen[vertices, :2].astype(np.int64), geometry.colors[vertices].astype(np.float64)
     corners[cut] = clipped.screen[known[cut] - m, :, :2]
     colors[cut] = clipped.corners[known[cut] - m].astype(np.float64) @ colors[cut]
-    words = interpolator.shade(corners, float24.from_float(colors), x, y, triangle)
+    words = interpolate(corners, float24.from_float(colors), x, y, triangle)
     return float24.to_float(words).astype(np.float32)
 
 

@@ -18,6 +18,7 @@ import numpy as np
 from luxel import jit
 from luxel.arrays import Array, checked
 from luxel.errors import InputError
+from luxel.hardware import interpolator
 from luxel.memory import reusable
 from luxel.raster import modelled, warm
 from luxel.raster.bin import BLEND, MASK, NO_CLIPPED, OPAQUE, Bins, bin_triangles
@@ -29,6 +30,7 @@ from luxel.raster.geometry import Geometry, flatten
 from luxel.raster.lanes import LANES
 from luxel.raster.lighting import LightTable, pack_lights
 from luxel.raster.materials import GOURAUD, NEEDS_VIEW, MaterialTable, pack_materials
+from luxel.raster.modelled import Interpolate
 from luxel.raster.outputs import SHAPES, Outputs, write_outputs
 from luxel.raster.picture import Picture
 from luxel.raster.project import View, Window, project
@@ -125,7 +127,7 @@ class Prepared(NamedTuple):
     geometry: Geometry
     materials: MaterialTable
     vertex_materials: MaterialTable | None
-    hardware: bool = False
+    hardware: Interpolate | None = None
 
 
 def prepare(scene: Any, shading: str | None = None, cull: str = "material") -> Prepared:
@@ -141,8 +143,8 @@ def prepare(scene: Any, shading: str | None = None, cull: str = "material") -> P
         scene = load(scene)
     if cull not in ("material", "back", "none"):
         raise InputError(f"cull: expected material, back or none; got {cull!r}")
-    materials, hardware = pack_materials(scene, shading), shading == "hardware"
-    if hardware:
+    materials, hardware = pack_materials(scene, shading), interpolator.shade if shading == "hardware" else None
+    if hardware is not None:
         modelled.check(scene)
     vertex_materials = pack_materials(scene, shading, vertices=True) if materials.features & GOURAUD else None
     return Prepared(scene, flatten(scene, cull), materials, vertex_materials, hardware)
@@ -306,7 +308,7 @@ def _draw(prepared: Prepared, camera: Camera | None, size: tuple[int, int], opti
     )
     outputs = Outputs.wanted(names - {"motion"} if previous is None else names, width, last - first)
     clock.lap("prepare")
-    if (target.color.size or target.linear.size) and not prepared.hardware:
+    if (target.color.size or target.linear.size) and prepared.hardware is None:
         _warm_up(prepared, seen, options, target)
         clock.lap("compile")
     corners = [(x, y) for y in range(first, last, _WINDOW) for x in range(0, width, _WINDOW)]
@@ -415,7 +417,7 @@ class _Band:
         self.colored = len(target.color) > 0 or len(target.linear) > 0
         self.beside = any(array.size for array in outputs)
         self.hardware = prepared.hardware
-        self.per_sample = self.colored and (options.filter != "box" or BLEND in bins or self.hardware)
+        self.per_sample = self.colored and (options.filter != "box" or BLEND in bins or self.hardware is not None)
         self.apron = 0 if options.filter == "box" else 1
         self.keep_depth = self.beside or len(bins) > 1
         occupied = sum((np.diff(b.start) > 0).astype(np.uint8) for mode, b in bins.items() if mode != BLEND)
@@ -467,9 +469,9 @@ class _Band:
 
     def _shade(self, first: int, last: int, ids: Array, target: Target, occupied: Array, blend: bool = False) -> None:
         o, w, seen = self.options, self.window, self.seen
-        if self.hardware:
-            modelled.shade(self.bins[OPAQUE], occupied, first, last, w.width, w.height, ids, o.positions, o.ssaa > 1, seen.geometry, self.screen,
-                           self.clipped, blend, target.samples, o.threads or 1)  # fmt: skip
+        if self.hardware is not None:
+            modelled.shade(self.hardware, self.bins[OPAQUE], occupied, first, last, w.width, w.height, ids, o.positions, o.ssaa > 1,
+                           seen.geometry, self.screen, self.clipped, blend, target.samples, o.threads or 1)  # fmt: skip
             return
         shade(self.bins[OPAQUE], occupied, first, last, w.width, w.height, ids, o.positions, o.ssaa > 1, seen.geometry, self.screen,
               self.clipped, self.materials, seen.lights, seen.eye, seen.features, 2.0**o.exposure, o.fill, *self.place, target,

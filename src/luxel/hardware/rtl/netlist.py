@@ -29,6 +29,11 @@ class Unit(NamedTuple):
     text: str
     ports: list[Port]
 
+    @property
+    def modules(self) -> list[str]:
+        """Names of all that are in it."""
+        return re.findall(r"^module \\(\S+)$", self.text, re.M)
+
 
 def units(make: Callable[[], Any], top: str) -> list[Unit]:
     """The modules of a circuit, those used before those that use them.
@@ -50,4 +55,5 @@ def _unit(design: Any, name: str) -> Unit:
     text = rtlil.convert(design, ports=ports, name=name, emit_src=False)
     own = text[text.index(f"module \\{name}\n") :]
     own = own[: own.index("\nend\n")]
-    return Unit(name, text.replace("attribute \\top 1\n", ""), [Port(n, int(w), bool(s), way == "output") for w, way, s, n in _PORT.findall(own)])
+    text = re.sub(rf"\\{name}(\.\w+)+", lambda path: path[0].replace(".", "_"), text.replace("attribute \\top 1\n", ""))
+    return Unit(name, text, [Port(n, int(w), bool(s), way == "output") for w, way, s, n in _PORT.findall(own)])

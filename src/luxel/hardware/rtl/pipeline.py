@@ -62,7 +62,7 @@ class Pipeline:
             m.d.sync += [signal.eq(value) for signal, value in self._registers]
         m.d.comb += self._wires
         for name, part in self._parts.items():
-            m.submodules[name] = part
+            m.submodules[name] = part.module() if isinstance(part, Operator) else part
 
     def register(self, value: Value, time: int, name: str) -> Timed:
         """`value`, a clock later."""
@@ -103,7 +103,7 @@ class Pipeline:
         """Put an operator to work, and return its outputs."""
         name = f"{operator.name}_{len(self._parts)}"
         if _library is None:
-            self._parts[name] = operator.module()
+            self._parts[name] = operator
             self._wires += [operator.go_next.eq(self.go_next), *(operator.i[key].eq(value) for key, value in inputs.items())]
             return operator.o
         _library.setdefault(operator.name, operator)

@@ -17,10 +17,12 @@ class Run(NamedTuple):
     Attributes:
         fields: (n,) int64 arrays, by the fields of its output stream.
         clocks: (n,) int64: on which clock each left; the first clock is 0.
+        sent: On which clock the inputs were taken.
     """
 
     fields: dict[str, Array]
     clocks: Array
+    sent: Array
 
 
 def run(component: Any, inputs: dict[str, Array], count: int, offered: Callable[[int], bool] | None = None,
@@ -41,6 +43,7 @@ def run(component: Any, inputs: dict[str, Array], count: int, offered: Callable[
     rows = list(zip(*(np.asarray(column).tolist() for column in inputs.values())))
     found: list[list[int]] = []
     clocks: list[int] = []
+    sent: list[int] = []
 
     async def send(ctx: Any) -> None:
         clock = 0
@@ -57,6 +60,7 @@ def run(component: Any, inputs: dict[str, Array], count: int, offered: Callable[
             while not ready:
                 _, _, ready = await ctx.tick().sample(component.i.ready)
                 clock += 1
+            sent.append(clock - 1)
             ctx.set(component.i.valid, 0)
 
     async def receive(ctx: Any) -> None:
@@ -79,4 +83,4 @@ def run(component: Any, inputs: dict[str, Array], count: int, offered: Callable[
     if count:
         simulator.run()
     columns = np.array(found, np.int64).reshape(len(found), -1).T
-    return Run(dict(zip(component.o.payload.shape().members, columns)), np.array(clocks, np.int64))
+    return Run(dict(zip(component.o.payload.shape().members, columns)), np.array(clocks, np.int64), np.array(sent, np.int64))

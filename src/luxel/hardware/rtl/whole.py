@@ -95,7 +95,7 @@ class Interpolator(wiring.Component):
 
     Attributes:
         i: x0 .. y2, signed, in 1/256 pixel; r_a .. b_c, float24.
-        o: x, y, pixels; r, g, b, float24.
+        o: x, y, pixels; r, g, b, float24; last, of its triangle.
         right, bottom: Last column and row of the picture, which are not to change while triangles are under way.
     """
 
@@ -105,7 +105,7 @@ class Interpolator(wiring.Component):
         word = FLOAT24.bits
         corners = dict(self.set_up.i.payload.shape().members)
         self.colors = data.StructLayout(dict.fromkeys(COLORS, word))
-        fragment = data.StructLayout({"x": self.sizes.pixel, "y": self.sizes.pixel} | dict.fromkeys(CHANNELS, word))
+        fragment = data.StructLayout({"x": self.sizes.pixel, "y": self.sizes.pixel} | dict.fromkeys(CHANNELS, word) | {"last": 1})
         super().__init__(
             {
                 "i": In(stream.Signature(data.StructLayout(corners | dict.fromkeys(COLORS, word)))),
@@ -167,7 +167,7 @@ class Interpolator(wiring.Component):
             colors.o.ready.eq(p.go & valid[time] & p.at(place["last"], time)),
             fifo.push.eq(p.go & valid[end] & p.at(place["drawn"], end)),
         ]
-        m.d.comb += [fifo.data[key].eq(p.at(place[key], end)) for key in ("x", "y")]
+        m.d.comb += [fifo.data[key].eq(p.at(place[key], end)) for key in ("x", "y", "last")]
         m.d.comb += [fifo.data[key].eq(timed.value) for key, timed in zip(CHANNELS, out)]
         wiring.connect(m, fifo.o, wiring.flipped(self.o))
         p.into(m)
