@@ -16,7 +16,9 @@ if TYPE_CHECKING:
     from luxel.errors import ExtraMissingError, FileError, InputError, LuxelError, LuxelWarning, UnsupportedError
     from luxel.io import load, save
     from luxel.layout.optimize import optimize
+    from luxel.radiosity.bake import Baked, bake
     from luxel.radiosity.form_factors import form_factors
+    from luxel.radiosity.relight import Transport
     from luxel.raster.picture import Picture
     from luxel.raster.render import prepare, render, render_to_png, render_views
     from luxel.scene import Ambient, Camera, Instance, Light, Material, Mesh, Scene, Texture, TextureRef
@@ -29,7 +31,9 @@ _HOMES = {
     "luxel.errors": ("ExtraMissingError", "FileError", "InputError", "LuxelError", "LuxelWarning", "UnsupportedError"),
     "luxel.io": ("load", "save"),
     "luxel.layout.optimize": ("optimize",),
+    "luxel.radiosity.bake": ("Baked", "bake"),
     "luxel.radiosity.form_factors": ("form_factors",),
+    "luxel.radiosity.relight": ("Transport",),
     "luxel.raster.picture": ("Picture",),
     "luxel.raster.render": ("prepare", "render", "render_to_png", "render_views"),
     "luxel.scene": ("Ambient", "Camera", "Instance", "Light", "Material", "Mesh", "Scene", "Texture", "TextureRef"),
@@ -39,9 +43,9 @@ _HOMES = {
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 
 __all__ = [
-    "Ambient", "Camera", "ExtraMissingError", "FileError", "InputError", "Instance", "Light", "LuxelError", "LuxelWarning", "Material",
-    "Mesh", "Picture", "Scene", "Texture", "TextureRef", "UnsupportedError", "__version__", "camera_for", "form_factors", "frame", "inspect", "load",
-    "optimize", "prepare", "render", "render_to_png", "render_views", "save", "turntable",
+    "Ambient", "Baked", "Camera", "ExtraMissingError", "FileError", "InputError", "Instance", "Light", "LuxelError", "LuxelWarning", "Material",
+    "Mesh", "Picture", "Scene", "Texture", "TextureRef", "Transport", "UnsupportedError", "__version__", "bake", "camera_for", "form_factors",
+    "frame", "inspect", "load", "optimize", "prepare", "render", "render_to_png", "render_views", "save", "turntable",
 ]  # fmt: skip
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -26,7 +26,8 @@ from luxel.radiosity.inside import seen_backs
 from luxel.radiosity.luxels import Luxels, find_luxels, part_of
 from luxel.radiosity.occlusion import Occlusion, prepare
 from luxel.radiosity.rays import scene_masks
-from luxel.radiosity.solve import Rows, State, Step, ambient, start, steps
+from luxel.radiosity.relight import Transport, transport_of
+from luxel.radiosity.solve import Problem, Rows, State, Step, ambient, complete, start, steps
 from luxel.radiosity.unwrap import Atlas, unwrap
 from luxel.raster.bin import BLEND
 from luxel.raster.geometry import Geometry, flatten
@@ -35,6 +36,9 @@ from luxel.scene.scene import Scene
 
 _ROW_BYTES = 1 << 30
 """Rows of transport are kept up to this."""
+
+_MOST_KEPT = 8 << 30
+"""The same, if all of them are asked for."""
 
 _MOST_BACKS = 0.5
 """A luxel that sees more backs than this is inside a solid."""
@@ -56,6 +60,8 @@ class Baked:
         ledger: A `Step` a batch of shots.
         seconds: By stage.
         finished: The unshot light is below the tolerance.
+        layers: What is asked for of parts of the light, (n, 3) float32 each.
+        transport: To light the scene anew, if asked for.
     """
 
     atlas: Atlas
@@ -67,6 +73,7 @@ class Baked:
     seconds: dict[str, float]
     finished: bool
     layers: dict[str, Array] = field(default_factory=dict)
+    transport: Transport | None = None
 
     @cached_property
     def pages(self) -> Array:
@@ -113,7 +120,8 @@ class Progress:
 
 def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None = None, page: int = 1024, sky: Any = None,
          tolerance: float | None = None, seconds: float | None = None, threads: int | None = None,
-         progress: Callable[[float, Progress], None] | None = None, checkpoint: str | Path | None = None, resume: bool = False) -> Baked:  # fmt: skip
+         progress: Callable[[float, Progress], None] | None = None, checkpoint: str | Path | None = None, resume: bool = False,
+         transport: bool = False, layers: bool = False) -> Baked:  # fmt: skip
     """Light a scene: diffuse light between all its surfaces, as a lightmap.
 
     What shines: emissive materials (their radiance), point, spot and directional lights, and the sky.
@@ -130,6 +138,8 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
         progress: Called after each batch of shots with the unshot share and a `Progress`.
         checkpoint: A file that keeps the state, every half minute and when the bake is interrupted.
         resume: Go on from `checkpoint` if it is there.
+        transport: Also keep the transport, to light the scene anew (`Transport`): two bytes for each pair of a patch and a luxel.
+        layers: Also the light of each lamp by itself, and of the sky.
 
     Raises:
         InputError: Nothing shines, there is no surface, or a value cannot be worked with; the checkpoint is of another bake.
@@ -139,21 +149,70 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
     threads = jit.checked_threads(threads)
     clock = _Clock()
     prepared = _prepare(scene, settings, density, page, threads, clock)
-    table = _lights(prepared.atlas.scene, sky, quality if isinstance(quality, str) else "normal")
+    punctual, table = _lights(prepared.atlas.scene, sky, quality if isinstance(quality, str) else "normal")
     problem = prepared.cut.problem
     if problem.lights is None and not len(table):
         raise InputError("bake: nothing shines: expected an emissive material, a light or a sky")
-    light = shine(prepared.rays, problem.elements, table, prepared.reach, threads) if len(table) else None
+    keep = transport or layers
+    rows, light_rows = _room(problem, keep)
+    state = start(problem, shine(prepared.rays, problem.elements, table, prepared.reach, threads) if len(table) else None)
+    still = state.direct.copy()
     clock.lap("direct")
-    state = start(problem, light)
     key = saving.fingerprint(prepared.geometry, prepared.luxels, problem.exitance, table, settings) if checkpoint else ""
     if checkpoint and resume:
         state = saving.load(Path(checkpoint), key, state) or state
     deadline = time.monotonic() + seconds if seconds is not None else None
-    finished = _shoot_all(prepared, state, settings, threads, deadline, progress, (Path(checkpoint), key) if checkpoint else None)
+    shooting = steps(problem, state, rows, light_rows, settings.tolerance, threads)
+    finished = _shoot_all(shooting, prepared, state, deadline, progress, (Path(checkpoint), key) if checkpoint else None)
     clock.lap("solve")
     values = _per_luxel(prepared, state.received + ambient(problem, state)[:, None].astype(np.float32))
-    return Baked(prepared.atlas, prepared.luxels, values, prepared.valid, _per_luxel(prepared, state.direct), state.ledger, clock.seconds, finished)
+    baked = Baked(prepared.atlas, prepared.luxels, values, prepared.valid, _per_luxel(prepared, state.direct), state.ledger, clock.seconds, finished)
+    if keep:
+        complete(problem, problem.patches, rows, threads)
+        if problem.lights is not None:
+            complete(problem, problem.lights, light_rows, threads)
+        pieces, luxels = prepared.cut, prepared.luxels
+        kept = transport_of(problem, pieces.luxel, ~pieces.back, rows, light_rows, still, luxels.emission, luxels.albedo, threads)
+        baked.transport = kept if transport else None
+        clock.lap("transport")
+        if layers:
+            baked.layers = _layers(prepared, kept, punctual, table, threads)
+            clock.lap("layers")
+    return baked
+
+
+def _room(problem: Problem, keep: bool) -> tuple[Rows, Rows]:
+    """Where rows are kept: all of them if they must be, else what fits."""
+    n, patches = problem.elements.numbers.shape[1], len(problem.patches.tree.patches)
+    lights = 0 if problem.lights is None else len(problem.lights.tree.patches)
+    wanted = 2 * n * (patches + lights)
+    if keep and wanted > _MOST_KEPT:
+        raise InputError(f"transport: {wanted / 1e9:.1f} GB for {patches} patches and {n} luxels, at most {_MOST_KEPT / 1e9:.0f} GB: bake coarser")
+    return Rows(patches, n, wanted if keep else _ROW_BYTES), Rows(lights, n, wanted if keep else 0)
+
+
+def _layers(prepared: _Prepared, kept: Transport, punctual: int, table: Array, threads: int) -> dict[str, Array]:
+    """(n, 3) float32 irradiance by lamp: objects with emissive surfaces, lights of the scene (the first rows of `table`), the sky (the others)."""
+    scene, luxels, elements = prepared.atlas.scene, prepared.luxels, prepared.cut.problem.elements
+    layers: dict[str, Array] = {}
+
+    def add(name: str, still: Array, emission: Array) -> None:
+        unique, k = name, 2
+        while unique in layers:
+            unique, k = f"{name} {k}", k + 1
+        layers[unique] = kept.spread(still, emission, kept.albedo, threads)
+
+    nothing, dark = np.zeros_like(kept.still), np.zeros_like(luxels.emission)
+    drawn = [i for i in scene.instances if len(scene.meshes[i.mesh].triangles)]
+    objects = prepared.geometry.part_object[part_of(prepared.geometry, luxels.triangle)]
+    for number in np.unique(objects[luxels.emission.sum(1) > 0]):
+        name = next((i.name for i in drawn if i.object == number and i.name), f"object {number}")
+        add(name, nothing.copy(), np.where((objects == number)[:, None], luxels.emission, dark))
+    for row, light in enumerate(scene.lights):
+        add(light.name or f"light {row}", shine(prepared.rays, elements, table[row : row + 1], prepared.reach, threads), dark)
+    if len(table) > punctual:
+        add("sky", shine(prepared.rays, elements, table[punctual:], prepared.reach, threads), dark)
+    return layers
 
 
 def _quality(quality: str | Quality, tolerance: float | None) -> Quality:
@@ -204,15 +263,15 @@ def _two_sided(scene: Scene, geometry: Geometry) -> Array:
     return sided[geometry.part_material[part_of(geometry, np.arange(len(geometry.triangles)))]]
 
 
-def _lights(scene: Scene, sky: Any, quality: str) -> Array:
-    """Every light without a surface, as a `light_table`."""
+def _lights(scene: Scene, sky: Any, quality: str) -> tuple[int, Array]:
+    """Every light without a surface, as a `light_table`, and how many are the scene's own: the others are the sky."""
     table = light_table(scene.lights)
     if sky is None:
-        return table
+        return len(table), table
     radiance = np.full(3, float(sky)) if np.ndim(sky) == 0 else sky
     if not (np.isfinite(radiance).all() and np.min(radiance) >= 0):
         raise InputError("sky: expected finite radiance of at least 0")
-    return np.concatenate([table, sky_table(radiance, _SKY_DIRECTIONS[quality])])
+    return len(table), np.concatenate([table, sky_table(radiance, _SKY_DIRECTIONS[quality])])
 
 
 def _per_luxel(prepared: _Prepared, values: Array) -> Array:
@@ -223,14 +282,12 @@ def _per_luxel(prepared: _Prepared, values: Array) -> Array:
     return result
 
 
-def _shoot_all(prepared: _Prepared, state: State, settings: Quality, threads: int, deadline: float | None,
+def _shoot_all(shooting: Iterator[State], prepared: _Prepared, state: State, deadline: float | None,
                progress: Callable[[float, Progress], None] | None, keep: tuple[Path, str] | None) -> bool:  # fmt: skip
     """Shoot to the end; returns whether it was reached. The checkpoint is written now and then, and whatever ends this."""
-    problem = prepared.cut.problem
-    rows = Rows(len(problem.patches.tree.patches), problem.elements.numbers.shape[1], _ROW_BYTES)
     saved = time.monotonic()
     try:
-        for _ in steps(problem, state, rows, settings.tolerance, threads):
+        for _ in shooting:
             if progress:
                 progress(state.ledger[-1].unshot_fraction, Progress(prepared, state))
             if keep and time.monotonic() - saved > _SAVE_EVERY:

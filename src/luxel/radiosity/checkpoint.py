@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -21,7 +22,7 @@ def fingerprint(geometry: Geometry, luxels: Luxels, exitance: Array, lights: Arr
     """Of everything that the solution depends on."""
     digest = hashlib.sha256(repr(settings).encode())
     for array in (geometry.positions, geometry.triangles, luxels.position, luxels.normal, luxels.area, luxels.albedo, exitance, lights):
-        digest.update(np.ascontiguousarray(array))
+        digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()
 
 
@@ -40,7 +41,7 @@ def save(path: Path, key: str, state: State) -> None:
         beside.replace(path)
     except OSError as error:
         beside.unlink(missing_ok=True)
-        raise FileError(f"{path}: the checkpoint cannot be written ({error.strerror or error})") from error
+        raise FileError(path, f"the checkpoint cannot be written ({error.strerror or error})") from error
 
 
 def load(path: Path, key: str, fresh: State) -> State | None:
@@ -59,13 +60,13 @@ def load(path: Path, key: str, fresh: State) -> State | None:
     try:
         with np.load(path, allow_pickle=False) as kept:
             arrays = {name: kept[name] for name in (*_ARRAYS, "key", "counts", "ledger")}
-    except (OSError, ValueError, KeyError, EOFError) as error:
-        raise FileError(f"{path}: expected a checkpoint of a bake ({error})") from error
+    except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
+        raise FileError(path, f"expected a checkpoint of a bake ({error})") from error
     if str(arrays["key"]) != key:
         raise InputError(f"{path}: the checkpoint is of another scene or other settings; delete it, or bake without --resume")
     for name in _ARRAYS:
         if arrays[name].shape != getattr(fresh, name).shape:
-            raise FileError(f"{path}: {name}: expected {getattr(fresh, name).shape}, got {arrays[name].shape}")
+            raise FileError(path, f"{name}: expected {getattr(fresh, name).shape}, got {arrays[name].shape}")
     lights_left, shots = (int(count) for count in arrays["counts"])
     ledger = [Step(int(row[0]), *(row[1 + 3 * i : 4 + 3 * i] for i in range(4))) for row in arrays["ledger"]]
     return State(**{name: arrays[name] for name in _ARRAYS}, lights_left=lights_left, shots=shots, ledger=ledger)

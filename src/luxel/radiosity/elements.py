@@ -14,7 +14,7 @@ from luxel.arrays import Array
 from luxel.radiosity.luxels import Luxels
 from luxel.radiosity.occlusion import Masks, prepare
 from luxel.radiosity.patches import Tree, build_tree
-from luxel.radiosity.solve import Problem, source_of
+from luxel.radiosity.solve import Problem, Source, source_of
 from luxel.radiosity.transport import AREA, GX, GZ, NX, NZ, PX, PZ, UX, UZ, VX, VZ, Elements, Occluders
 from luxel.raster.bin import MASK, OPAQUE
 from luxel.raster.geometry import Geometry
@@ -148,28 +148,27 @@ def cut(atlas: Atlas, geometry: Geometry, luxels: Luxels, valid: Array, two_side
     elements = Elements(_in_tree_order(tree, numbers))
     patches = source_of(tree, elements.numbers, quality.resolution)
     albedo = np.ascontiguousarray(luxels.albedo[luxel][tree.order].T)
-    lights, exitance = _lights(numbers, luxels.emission[luxel], quality)
+    shining = np.flatnonzero(luxels.emission[fronts].sum(1) > 0)
+    lights, exitance, point_luxel = _lights(numbers[:, shining], luxels.emission[fronts[shining]], fronts[shining], quality)
     span = geometry.positions[np.isfinite(geometry.positions).all(1)]
     near = _NEAR * float(np.linalg.norm(np.ptp(span, axis=0)))
-    problem = Problem(elements, albedo, patches, lights, exitance, occluders_of(geometry, two_sided, masks), near)
+    problem = Problem(elements, albedo, patches, lights, exitance, point_luxel, occluders_of(geometry, two_sided, masks), near)
     return Cut(problem, luxel[tree.order], tree.order >= len(fronts))
 
 
-def _lights(numbers: Array, emission: Array, quality: Quality):  # type: ignore[no-untyped-def]
-    """What emits, as a source, and its exitance (k, 3)."""
-    bright = np.flatnonzero(emission.sum(1) > 0)
-    if not len(bright):
-        return None, np.zeros((0, 3), np.float32)
-    numbers, emission = numbers[:, bright], emission[bright]
+def _lights(numbers: Array, emission: Array, luxel: Array, quality: Quality) -> tuple[Source | None, Array, Array]:
+    """What emits, as a source, with the exitance (k, 3) and the luxel (k,) of its points; of (16, m) numbers, (m, 3) emission and (m,) luxels."""
+    if not len(luxel):
+        return None, np.zeros((0, 3), np.float32), luxel
     side = float(np.sqrt(numbers[AREA].sum() / quality.light_points))  # of a point's patch
     cuts = int(np.clip(np.ceil(2 * np.sqrt(numbers[AREA].mean()) / side), 1, _MOST_CUTS))
     at = (np.arange(cuts) + 0.5) / cuts - 0.5
     x, y = (grid.ravel() for grid in np.meshgrid(at, at))
     fine = np.repeat(numbers, cuts * cuts, 1)
-    fine[PX : PZ + 1] += fine[UX : UZ + 1] * np.tile(x, len(bright)) + fine[VX : VZ + 1] * np.tile(y, len(bright))
+    fine[PX : PZ + 1] += fine[UX : UZ + 1] * np.tile(x, len(luxel)) + fine[VX : VZ + 1] * np.tile(y, len(luxel))
     fine[UX : VZ + 1] /= cuts
     fine[AREA] /= cuts * cuts
     extent = np.full(fine.shape[1], side, np.float32)
     tree = build_tree(np.ascontiguousarray(fine[PX : PZ + 1].T), np.ascontiguousarray(fine[GX : GZ + 1].T), fine[AREA], extent)
-    ordered = _in_tree_order(tree, fine)
-    return source_of(tree, ordered, quality.light_resolution), np.repeat(emission, cuts * cuts, 0)[tree.order].astype(np.float32)
+    origin = (tree.order // (cuts * cuts)).astype(np.int64)
+    return source_of(tree, _in_tree_order(tree, fine), quality.light_resolution), emission[origin].astype(np.float32), luxel[origin]

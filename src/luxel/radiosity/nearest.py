@@ -1,4 +1,4 @@
-"""Nearest: the first triangle a ray meets, and from which side (Moller and Trumbore 1997): for statistics, where a crack between triangles is no harm."""
+"""Nearest: the first triangle a ray meets, and from which side: for statistics, where a ray lost in a crack between triangles is no harm."""
 
 from __future__ import annotations
 

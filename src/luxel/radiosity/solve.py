@@ -20,7 +20,7 @@ from luxel import jit
 from luxel.arrays import Array
 from luxel.radiosity.hemicube import frames_of, see
 from luxel.radiosity.patches import Tree
-from luxel.radiosity.transport import AREA, PX, PZ, Elements, Occluders, Shooters, fill_rows, receive
+from luxel.radiosity.transport import AREA, BLOCK, PX, PZ, Elements, Occluders, Shooters, fill_rows, receive
 
 _BATCH = 64
 _SCALE_RANGE = 0.8, 1.25
@@ -46,8 +46,8 @@ class Source(NamedTuple):
 def source_of(tree: Tree, numbers: Array, resolution: int) -> Source:
     """Each patch looks from its element nearest the centre, along its mean normal."""
     place = tree.place[tree.patches]
-    distance = ((numbers[PX : PZ + 1].T - np.repeat(place[:, :3], np.diff(_starts(tree)), 0)) ** 2).sum(1)
-    starts = _starts(tree)
+    distance = ((numbers[PX : PZ + 1].T - np.repeat(place[:, :3], np.diff(patch_starts(tree)), 0)) ** 2).sum(1)
+    starts = patch_starts(tree)
     least = np.minimum.reduceat(distance, starts[:-1])
     nearest = np.flatnonzero(distance == np.repeat(least, np.diff(starts)))
     _, first = np.unique(tree.patch_of[nearest], return_index=True)
@@ -55,7 +55,8 @@ def source_of(tree: Tree, numbers: Array, resolution: int) -> Source:
     return Source(tree, numbers, Shooters(tree.patches, centers, frames_of(place[:, 4:7])), resolution)
 
 
-def _starts(tree: Tree) -> Array:
+def patch_starts(tree: Tree) -> Array:
+    """(p + 1,) int64: where the elements of each patch begin, and their end."""
     return np.append(tree.span[tree.patches, 0], len(tree.order)).astype(np.int64)
 
 
@@ -106,6 +107,7 @@ class Rows:
 
     Attributes:
         rows: (slots, n) uint16; the last `_BATCH` are not kept.
+        touched: (slots, blocks) bool: which blocks of a row are not all zero.
         slot: (p,) int64: a patch's row, or -1.
         scale: (slots,) float64: what puts the row's sum right.
         lost: (slots,) float64: share of the shooter's light that reaches nothing.
@@ -114,6 +116,7 @@ class Rows:
     def __init__(self, patches: int, elements: int, most_bytes: int) -> None:
         self.kept = min(patches, max(0, most_bytes // (2 * elements)))
         self.rows = np.empty((self.kept + _BATCH, elements), np.uint16)
+        self.touched = np.zeros((len(self.rows), -(-elements // BLOCK)), np.bool_)
         self.slot = np.full(patches, -1, np.int64)
         self.scale, self.lost = np.ones(len(self.rows)), np.zeros(len(self.rows))
         self.used = 0
@@ -138,7 +141,7 @@ class Problem(NamedTuple):
         albedo: (3, n) float32.
         patches: They as shooters.
         lights: Emitting surfaces as shooters, or None.
-        exitance: (k, 3) float32 of the elements of `lights`.
+        exitance: (k, 3) float32 of the elements of `lights`, and the luxel of each, `point_luxel` (k,) int32.
         occluders: What hides.
         near: Metres; see `hemicube.see`.
     """
@@ -148,6 +151,7 @@ class Problem(NamedTuple):
     patches: Source
     lights: Source | None
     exitance: Array
+    point_luxel: Array
     occluders: Occluders
     near: float
 
@@ -197,48 +201,62 @@ def _take_in(state: State, problem: Problem, gained: Array, threads: int) -> Non
     tree = problem.patches.tree
     absorbed = np.empty_like(state.power)
     area = problem.elements.numbers[AREA]
-    jit.run(_absorb, threads, gained, problem.albedo, area, _starts(tree), state.received, state.unshot, state.power, absorbed)
+    jit.run(_absorb, threads, gained, problem.albedo, area, patch_starts(tree), state.received, state.unshot, state.power, absorbed)
     state.absorbed = state.absorbed + absorbed.sum(0)
 
 
-def _shoot(problem: Problem, source: Source, chosen: Array, rows: Rows | None, radiosity: Array, gained: Array, threads: int) -> Array:
-    """Add to `gained` what the chosen patches give at their mean radiosity (s, 3); returns the watts that reached nothing, (3,)."""
-    shooters, tree = source.shooters, source.tree
-    rows = rows or Rows(len(tree.patches), problem.elements.numbers.shape[1], 0)
+def fill(problem: Problem, source: Source, chosen: Array, rows: Rows, threads: int) -> Array:
+    """Make sure of the rows of the chosen patches, at most `_BATCH`; returns their slots."""
     slots, fresh = rows.place(chosen)
-    areas = tree.place[tree.patches[chosen], 7].astype(np.float64)
-    if len(fresh):
-        who = Shooters(*(array[chosen[fresh]] for array in shooters))
-        resolution = np.full(len(fresh), source.resolution, np.int64)
-        seen = see(problem.occluders.positions, problem.occluders.triangles, who.centers, who.frames, resolution, problem.near, threads)
-        sums, escaped = fill_rows(problem.elements, tree, source.numbers, who, seen, problem.occluders, slots[fresh], rows.rows, threads)
-        lost = escaped.sum(1)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            scale = np.where(sums > 0, (1.0 - lost) * areas[fresh] / sums, 1.0)
-        rows.scale[slots[fresh]] = np.clip(scale, *_SCALE_RANGE)
-        rows.lost[slots[fresh]] = 1.0 - rows.scale[slots[fresh]] * sums / areas[fresh]
-    receive(rows.rows, slots, (radiosity * rows.scale[slots][:, None]).astype(np.float32), gained, threads)
+    if not len(fresh):
+        return slots
+    who = Shooters(*(array[chosen[fresh]] for array in source.shooters))
+    resolution = np.full(len(fresh), source.resolution, np.int64)
+    seen = see(problem.occluders.positions, problem.occluders.triangles, who.centers, who.frames, resolution, problem.near, threads)
+    to = slots[fresh]
+    parts, escaped = fill_rows(problem.elements, source.tree, source.numbers, who, seen, problem.occluders, to, rows.rows, threads)
+    sums, areas = parts.sum(1), source.tree.place[who.node, 7].astype(np.float64)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = np.where(sums > 0, (1.0 - escaped.sum(1)) * areas / sums, 1.0)
+    rows.touched[to] = parts > 0
+    rows.scale[to] = np.clip(scale, *_SCALE_RANGE)
+    rows.lost[to] = 1.0 - rows.scale[to] * sums / areas
+    return slots
+
+
+def complete(problem: Problem, source: Source, rows: Rows, threads: int) -> Rows:
+    """Fill the rows of all patches, which `rows` must have room for."""
+    missing = np.flatnonzero(rows.slot < 0)
+    for first in range(0, len(missing), _BATCH):
+        fill(problem, source, missing[first : first + _BATCH], rows, threads)
+    return rows
+
+
+def _shoot(problem: Problem, source: Source, chosen: Array, rows: Rows, radiosity: Array, gained: Array, threads: int) -> Array:
+    """Add to `gained` what the chosen patches give at their mean radiosity (s, 3); returns the watts that reached nothing, (3,)."""
+    slots = fill(problem, source, chosen, rows, threads)
+    receive(rows.rows, rows.touched, slots, (radiosity * rows.scale[slots][:, None]).astype(np.float32), gained, threads)
+    areas = source.tree.place[source.tree.patches[chosen], 7].astype(np.float64)
     return (radiosity * (areas * rows.lost[slots])[:, None]).sum(0)
 
 
-def _mean(values: Array, area: Array, tree: Tree, chosen: Array) -> Array:
-    """Area-weighted means (s, 3) float64 over patches, of values (k, 3)."""
-    starts = _starts(tree)
-    sums = np.add.reduceat(values.astype(np.float64) * area.astype(np.float64)[:, None], starts[:-1], 0)[chosen]
-    return sums / np.add.reduceat(area.astype(np.float64), starts[:-1])[chosen][:, None]
+def mean(values: Array, area: Array, tree: Tree) -> Array:
+    """Area-weighted means (p, 3) float64 over patches, of values (k, 3) of their elements."""
+    first, weight = tree.span[tree.patches, 0], area.astype(np.float64)
+    return np.add.reduceat(values * weight[:, None], first, 0) / np.add.reduceat(weight, first)[:, None]
 
 
-def steps(problem: Problem, state: State, rows: Rows, tolerance: float, threads: int) -> Iterator[State]:
-    """Shoot until what is unshot is below `tolerance` of what was emitted; yields the state after each batch."""
+def steps(problem: Problem, state: State, rows: Rows, light_rows: Rows, tolerance: float, threads: int) -> Iterator[State]:
+    """Shoot until what is unshot is below `tolerance` of what was emitted; yields the state after each batch. The lights have rows of their own."""
     n = problem.elements.numbers.shape[1]
-    tree, starts = problem.patches.tree, _starts(problem.patches.tree)
+    tree, starts = problem.patches.tree, patch_starts(problem.patches.tree)
     while True:
         if state.lights_left:
             lights = problem.lights
             assert lights is not None
             every = len(lights.tree.patches)
             chosen = np.arange(every)[-state.lights_left :][:_BATCH]
-            radiosity = _mean(problem.exitance, lights.numbers[AREA], lights.tree, chosen)
+            radiosity = mean(problem.exitance, lights.numbers[AREA], lights.tree)[chosen]
             source = lights
         else:
             total = state.power.sum(1)
@@ -250,7 +268,7 @@ def steps(problem: Problem, state: State, rows: Rows, tolerance: float, threads:
             source = problem.patches
         gained = np.zeros((3, n), np.float32)
         if source is problem.lights:
-            state.escaped = state.escaped + _shoot(problem, source, chosen, None, radiosity, gained, threads)
+            state.escaped = state.escaped + _shoot(problem, source, chosen, light_rows, radiosity, gained, threads)
             state.lights_left -= len(chosen)
             state.direct += gained
         else:

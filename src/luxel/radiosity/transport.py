@@ -33,7 +33,7 @@ BLOCK = 256
 PX, PY, PZ, NX, NY, NZ, GX, GY, GZ, AREA, UX, UY, UZ, VX, VY, VZ = range(16)
 
 _F, _I = np.float32, np.int32
-_PI = _F(np.pi)
+_PER_PI = _F(1 / np.pi)
 _FAR = _F(16.0)  # squared distance over squared radius beyond which a node is taken as a whole
 _FLAT = _F(9.0)  # squared distance over area within which an element is a parallelogram
 _BIAS = _F(1.0 - 1e-3)  # of a distance: rounding, and pixels' corners snapped
@@ -96,10 +96,10 @@ def spread_factor(cos_r, cos_s, cos_n, r2, area, spread):
     cos_r) f / r^2, of which half times `spread` is the difference of its mean from its value at the centre; straight ahead that is -4 spread / r^2,
     as of a disc.
     """
-    base = cos_r * cos_s
-    bend = _F(4.0) * spread / r2 * (base - cos_s * cos_s * (_F(3.0) * base / r2 + cos_n))
+    base, inverse = cos_r * cos_s, _F(1.0) / r2
+    bend = _F(4.0) * spread * inverse * (base - cos_s * cos_s * (_F(3.0) * base * inverse + cos_n))
     mean = base + bend if bend > _F(0.0) else base * base / (base - bend)
-    return mean * area / (_PI * r2 * r2)
+    return mean * area * (inverse * inverse * _PER_PI)
 
 
 @jit.part
@@ -144,83 +144,99 @@ def node_factor(root, x, y, z, nx, ny, nz, span, child, place, source, stack, co
     return total
 
 
+# Scratch of a thread, rows of BLOCK numbers in one array, so that the compiler knows that they do not overlap and uses vector registers.
+# Of each element: place, shading normal, surface normal, as in `Elements.numbers`.
+# Of each element under one shooter: squared distance; form factor if far; 1 if it faces the shooter and is in front of it (int32);
+_R2, _FACTOR, _FACES = (np.uint64(BLOCK * row) for row in range(9, 12))
+# the upper left of the four pixels about it (int32) and how far between them it lies; the depth up to which these see it: at that pixel, what it
+# gains to the right and downwards, and its least.
+_AT, _WX, _WY, _LIMIT, _LIMIT_X, _LIMIT_Y, _LEAST = (np.uint64(BLOCK * row) for row in range(12, 19))
+_SCRATCH = 19 * BLOCK
+_ROW = tuple(np.uint64(BLOCK * row) for row in range(9))
+_X, _Y, _Z, _NX, _NY, _NZ, _GX, _GY, _GZ = _ROW
+
+
+@jit.part
+def _aim(count, center, frame, place, resolution, near, c):
+    """Put `count` elements under a shooter: fill the scratch."""
+    r0, r1, r2, u0, u1, u2, n0, n1, n2 = (
+        frame[0, 0], frame[0, 1], frame[0, 2], frame[1, 0], frame[1, 1], frame[1, 2], frame[2, 0], frame[2, 1], frame[2, 2],
+    )  # fmt: skip
+    cx, cy, cz, sx, sy, sz = center[0], center[1], center[2], place[0], place[1], place[2]
+    mx, my, mz, area, spread = place[4], place[5], place[6], place[7], place[8]
+    zero, half, one = _F(0.0), _F(0.5), _F(1.0)
+    scale, step = _F(resolution) * half, _F(2.0) / _F(resolution)
+    last, last_low, size = _F(resolution - 2), _F(resolution // 2 - 2), _I(resolution)
+    limit = near / _BIAS
+    for i in range(np.uint64(0), np.uint64(count)):
+        x, y, z = c[_X + i] - sx, c[_Y + i] - sy, c[_Z + i] - sz
+        square = x * x + y * y + z * z
+        cos_r, cos_s = -(c[_NX + i] * x + c[_NY + i] * y + c[_NZ + i] * z), mx * x + my * y + mz * z
+        cos_n = c[_NX + i] * mx + c[_NY + i] * my + c[_NZ + i] * mz
+        c[_R2 + i], c[_FACTOR + i] = square, spread_factor(cos_r, cos_s, cos_n, square, area, spread)
+        x, y, z, gx, gy, gz = c[_X + i] - cx, c[_Y + i] - cy, c[_Z + i] - cz, c[_GX + i], c[_GY + i], c[_GZ + i]
+        plane = -(gx * x + gy * y + gz * z)
+        lx, ly, lz = r0 * x + r1 * y + r2 * z, u0 * x + u1 * y + u2 * z, n0 * x + n1 * y + n2 * z
+        nr, nu, na = r0 * gx + r1 * gy + r2 * gz, u0 * gx + u1 * gy + u2 * gz, n0 * gx + n1 * gy + n2 * gz
+        ax, ay = abs(lx), abs(ly)
+        top, flank = (lz >= ax) & (lz >= ay), ax >= ay
+        axis = lz if top else (ax if flank else ay)
+        right, up = (lx if top else (ly if flank else lx)), (ly if top else lz)
+        fr, fu = (nr if top else (nu if flank else nr)), (nu if top else na)
+        fa = na if top else ((nr if lx > zero else -nr) if flank else (nu if ly > zero else -nu))
+        face = _I(0) if top else ((_I(1) if lx > zero else _I(2)) if flank else (_I(3) if ly > zero else _I(4)))
+        near_by = one / axis
+        px, py = right * near_by * scale + scale - half, scale - half - up * near_by * scale
+        ix, iy = min(max(np.floor(px), zero), last), min(max(np.floor(py), zero), last if top else last_low)
+        c[_WX + i], c[_WY + i] = min(max(px - ix, zero), one), min(max(py - iy, zero), one)
+        c[_AT + i] = bits_float(_I(_I(_I(face * size) + _I(iy)) * size) + _I(ix))
+        over = limit / plane
+        c[_LIMIT + i] = -(fr * ((ix + half) * step - one) + fu * (one - (iy + half) * step) + fa) * over
+        c[_LIMIT_X + i], c[_LIMIT_Y + i], c[_LEAST + i] = -fr * step * over, fu * step * over, limit * near_by
+        c[_FACES + i] = bits_float(_I(1) if (cos_r > zero) & (cos_s > zero) & (lz > zero) & (plane > zero) else _I(0))
+
+
 @jit.inlined
-def _parted(plane, x, y, z, cx, cy, cz, margin):
+def _parted(plane, x, y, z, center, margin):
     """Whether a triangle's plane has the point and the shooter on either side, the point by more than `margin`."""
     point = plane[0] * x + plane[1] * y + plane[2] * z - plane[3]
-    shooter = plane[0] * cx + plane[1] * cy + plane[2] * cz - plane[3]
+    shooter = plane[0] * center[0] + plane[1] * center[1] + plane[2] * center[2] - plane[3]
     return (point < -margin and shooter > _F(0.0)) or (point > margin and shooter < _F(0.0))
 
 
 @jit.part
-def _pixel_sees(at, u, v, nr, nu, na, plane, axis, x, y, z, center, near, depth, ids, planes):
-    """Whether a pixel of a hemicube sees the element (1) or something that hides it (0)."""
-    d = depth[at]
-    facing = -(nr * u + nu * v + na)
-    if d * plane * _BIAS <= near * facing or d * axis * _BIAS <= near:
-        return _F(1.0)
-    return _F(0.0) if _parted(planes[ids[at]], x, y, z, center[0], center[1], center[2], near) else _F(1.0)
+def _seen_fraction(i, at, resolution, center, near, c, depth, ids, planes):
+    """How much of element `i`, 0..1, is seen by the four pixels from element `at` of the item buffer on."""
+    x, y, z = c[_X + i], c[_Y + i], c[_Z + i]
+    wx, wy, seen = c[_WX + i], c[_WY + i], _F(0.0)
+    for k in range(4):
+        right, down = k & 1, k >> 1
+        pixel = at + np.uint64(down * resolution + right)
+        limit = max(c[_LIMIT + i] + _F(right) * c[_LIMIT_X + i] + _F(down) * c[_LIMIT_Y + i], c[_LEAST + i])
+        if depth[pixel] <= limit or not _parted(planes[ids[pixel]], x, y, z, center, near):
+            seen += (wx if right else _F(1.0) - wx) * (wy if down else _F(1.0) - wy)
+    return seen
+
+
+@jit.inlined
+def _all_see(i, at, resolution, c, depth):
+    """Whether all four pixels see the element at the first glance: the common case."""
+    limit, across, down, least = c[_LIMIT + i], c[_LIMIT_X + i], c[_LIMIT_Y + i], c[_LEAST + i]
+    below, one = at + np.uint64(resolution), np.uint64(1)
+    see = (depth[at] <= max(limit, least)) & (depth[at + one] <= max(limit + across, least))
+    return see & (depth[below] <= max(limit + down, least)) & (depth[below + one] <= max(limit + across + down, least))
 
 
 @jit.part
-def seen_fraction(lx, ly, lz, nr, nu, na, x, y, z, center, resolution, first, near, depth, ids, planes):
-    """How much of an element at (x, y, z) is seen, 0..1; l is its place and (nr, nu, na) its surface's normal in the shooter's frame."""
-    ax, ay = abs(lx), abs(ly)
-    plane = -(nr * lx + nu * ly + na * lz)
-    if lz >= ax and lz >= ay:
-        face, right, up, axis = 0, lx, ly, lz
-        fr, fu, fa = nr, nu, na
-    elif ax >= ay:
-        face, right, up, axis = (1 if lx > _F(0.0) else 2), ly, lz, ax
-        fr, fu, fa = nu, na, (nr if lx > _F(0.0) else -nr)
-    else:
-        face, right, up, axis = (3 if ly > _F(0.0) else 4), lx, lz, ay
-        fr, fu, fa = nr, na, (nu if ly > _F(0.0) else -nu)
-    scale = _F(resolution) * _F(0.5)
-    tall = resolution if face == 0 else resolution // 2
-    px, py = right / axis * scale + scale - _F(0.5), scale - _F(0.5) - up / axis * scale
-    ix, iy = min(max(_I(np.floor(px)), 0), resolution - 2), min(max(_I(np.floor(py)), 0), tall - 2)
-    wx, wy = min(max(px - _F(ix), _F(0.0)), _F(1.0)), min(max(py - _F(iy), _F(0.0)), _F(1.0))
-    at = first + np.uint64((face * resolution + iy) * resolution + ix)
-    step = _F(1.0) / scale
-    u, v = (_F(ix) + _F(0.5)) * step - _F(1.0), _F(1.0) - (_F(iy) + _F(0.5)) * step
-    below = at + np.uint64(resolution)
-    one = np.uint64(1)
-    s00 = _pixel_sees(at, u, v, fr, fu, fa, plane, axis, x, y, z, center, near, depth, ids, planes)
-    s10 = _pixel_sees(at + one, u + step, v, fr, fu, fa, plane, axis, x, y, z, center, near, depth, ids, planes)
-    s01 = _pixel_sees(below, u, v - step, fr, fu, fa, plane, axis, x, y, z, center, near, depth, ids, planes)
-    s11 = _pixel_sees(below + one, u + step, v - step, fr, fu, fa, plane, axis, x, y, z, center, near, depth, ids, planes)
-    return (s00 * (_F(1.0) - wx) + s10 * wx) * (_F(1.0) - wy) + (s01 * (_F(1.0) - wx) + s11 * wx) * wy
+def _hidden(masked, center, x, y, z):
+    return occluded(masked, center[0], center[1], center[2], np.float64(x), np.float64(y), np.float64(z), -1, -1)
 
 
-# Scratch of `_find`, one row each: place in the shooter's frame; distance to the shooter's centre squared; cosines at the receiver (shading
-# normal, surface) and at the shooter, times the distance.
-_LX, _LY, _LZ, _R2, _COS_R, _COS_S = range(6)
-
-
-@jit.part
-def _find(first, count, numbers, center, frame, place, c, listed):
-    """List those of `count` elements from `first` on that face the shooter and are in front of it; returns how many."""
-    r0, r1, r2, u0, u1, u2, n0, n1, n2 = (
-        frame[0, 0], frame[0, 1], frame[0, 2], frame[1, 0], frame[1, 1], frame[1, 2], frame[2, 0], frame[2, 1], frame[2, 2],
-    )  # fmt: skip
-    cx, cy, cz = center[0], center[1], center[2]
-    sx, sy, sz, mx, my, mz = place[0], place[1], place[2], place[4], place[5], place[6]
-    for i in range(np.uint64(0), np.uint64(count)):
-        j = np.uint64(first) + i
-        x, y, z = numbers[PX, j] - cx, numbers[PY, j] - cy, numbers[PZ, j] - cz
-        c[_LX, i], c[_LY, i], c[_LZ, i] = r0 * x + r1 * y + r2 * z, u0 * x + u1 * y + u2 * z, n0 * x + n1 * y + n2 * z
-        surface = numbers[GX, j] * x + numbers[GY, j] * y + numbers[GZ, j] * z
-        x, y, z = numbers[PX, j] - sx, numbers[PY, j] - sy, numbers[PZ, j] - sz
-        c[_R2, i] = x * x + y * y + z * z
-        cosine = -(numbers[NX, j] * x + numbers[NY, j] * y + numbers[NZ, j] * z)
-        c[_COS_R, i] = cosine if surface < _F(0.0) else _F(0.0)
-        c[_COS_S, i] = mx * x + my * y + mz * z
-    n = np.uint64(0)
-    for i in range(np.uint64(0), np.uint64(count)):
-        listed[n] = i
-        n += np.uint64((c[_COS_R, i] > _F(0.0)) & (c[_COS_S, i] > _F(0.0)) & (c[_LZ, i] > _F(0.0)))
-    return n
+@jit.inlined
+def _may_meet(box, center, x, y, z):
+    """Whether the segment from a shooter to a point may meet a box (its two corners): not if both ends are beyond one of its sides."""
+    meets = (max(center[0], x) >= box[0]) & (min(center[0], x) <= box[3]) & (max(center[1], y) >= box[1]) & (min(center[1], y) <= box[4])
+    return meets & (max(center[2], z) >= box[2]) & (min(center[2], z) <= box[5])
 
 
 @jit.parallel_kernel
@@ -228,7 +244,7 @@ def _fill_rows(queue, numbers, span, child, place, source, nodes, centers, frame
                planes, masked, slots, rows, sums):  # fmt: skip
     n = numbers.shape[1]
     blocks = (n + BLOCK - 1) // BLOCK
-    own_c, own_list = np.empty((6, BLOCK), np.float32), np.empty(BLOCK + 1, np.uint64)
+    own_c, own_list = np.zeros(_SCRATCH, np.float32), np.empty(BLOCK + 1, np.uint64)
     own_stack, own_corners = np.empty(_DEEPEST, np.int32), np.empty((4, 3))
     c, listed, stack, corners = jit.borrow(own_c), jit.borrow(own_list), jit.borrow(own_stack), jit.borrow(own_corners)
     numbers, span, child, place = jit.borrow(numbers), jit.borrow(span), jit.borrow(child), jit.borrow(place)
@@ -239,46 +255,38 @@ def _fill_rows(queue, numbers, span, child, place, source, nodes, centers, frame
     while block < blocks:
         first = block * BLOCK
         count = min(BLOCK, n - first)
+        for k in range(9):
+            for i in range(count):
+                c[k * BLOCK + i] = numbers[k, first + i]
         for s in range(len(nodes)):
-            node, row = nodes[s], rows[slots[s]]
+            node, row, center, resolution, total = nodes[s], rows[slots[s]], centers[s], resolutions[s], 0.0
             for i in range(first, first + count):
                 row[i] = 0
-            found = _find(first, count, numbers, centers[s], frames[s], place[node], c, listed)
-            radius2, area, total = place[node, 3] * place[node, 3], place[node, 7], 0.0
-            turn = frames[s]
-            for k in range(found):
+            _aim(count, center, frames[s], place[node], resolution, near, c)
+            found = np.uint64(0)
+            for i in range(np.uint64(0), np.uint64(count)):
+                listed[found] = i
+                found += np.uint64(float_bits(c[_FACES + i]))
+            near2 = _FAR * place[node, 3] * place[node, 3]
+            for k in range(np.uint64(0), found):
                 i = listed[k]
-                j = np.uint64(first) + i
-                gx, gy, gz = numbers[GX, j], numbers[GY, j], numbers[GZ, j]
-                nr, nu, na = (
-                    turn[0, 0] * gx + turn[0, 1] * gy + turn[0, 2] * gz, turn[1, 0] * gx + turn[1, 1] * gy + turn[1, 2] * gz,
-                    turn[2, 0] * gx + turn[2, 1] * gy + turn[2, 2] * gz,
-                )  # fmt: skip
-                v = seen_fraction(
-                    c[_LX, i], c[_LY, i], c[_LZ, i], nr, nu, na, numbers[PX, j], numbers[PY, j], numbers[PZ, j], centers[s], resolutions[s],
-                    np.uint64(start[s]), near, depth, ids, planes,
-                )  # fmt: skip
-                if v > _F(0.0) and any_masked and occluded(
-                    masked, centers[s, 0], centers[s, 1], centers[s, 2], np.float64(numbers[PX, j]), np.float64(numbers[PY, j]),
-                    np.float64(numbers[PZ, j]), -1, -1
-                ):  # fmt: skip
+                at, v = np.uint64(start[s]) + np.uint64(float_bits(c[_AT + i])), _F(1.0)
+                if not _all_see(i, at, resolution, c, depth):
+                    v = _seen_fraction(i, at, resolution, center, near, c, depth, ids, planes)
+                    if v == _F(0.0):
+                        continue
+                x, y, z = c[_X + i], c[_Y + i], c[_Z + i]
+                if any_masked and _may_meet(masked.box[0], center, x, y, z) and _hidden(masked, center, x, y, z):
                     continue
-                if v > _F(0.0):
-                    r2 = c[_R2, i]
-                    if r2 < _FAR * radius2:
-                        f = node_factor(
-                            node, numbers[PX, j], numbers[PY, j], numbers[PZ, j], numbers[NX, j], numbers[NY, j], numbers[NZ, j],
-                            span, child, place, source, stack, corners,
-                        )  # fmt: skip
-                    else:
-                        cos_n = numbers[NX, j] * place[node, 4] + numbers[NY, j] * place[node, 5] + numbers[NZ, j] * place[node, 6]
-                        f = spread_factor(c[_COS_R, i], c[_COS_S, i], cos_n, r2, area, place[node, 8])
-                    half = np.uint16((np.uint32(float_bits(f * v)) + np.uint32(0x8000)) >> np.uint32(16))
-                    row[j] = half
-                    total += np.float64(decoded(half)) * np.float64(numbers[AREA, j])
+                f = c[_FACTOR + i]
+                if c[_R2 + i] < near2:
+                    f = node_factor(node, x, y, z, c[_NX + i], c[_NY + i], c[_NZ + i], span, child, place, source, stack, corners)
+                half = np.uint16((np.uint32(float_bits(f * v)) + np.uint32(0x8000)) >> np.uint32(16))
+                row[np.uint64(first) + i] = half
+                total += np.float64(decoded(half)) * np.float64(numbers[AREA, np.uint64(first) + i])
             sums[s, block] = total
         block = jit.take(queue)
-    own_c[0, 0] = own_list[0] + own_stack[0] + own_corners[0, 0]  # they live until here
+    own_c[0] = own_list[0] + own_stack[0] + own_corners[0, 0]  # they live until here
 
 
 @jit.parallel_kernel
@@ -301,19 +309,21 @@ def _escape(queue, centers, start, resolutions, ids, planes, two_sided, deltas, 
 
 
 @jit.parallel_kernel
-def _receive(queue, rows, slots, powers, received):
-    """Add to received (3, n) what shooters of radiosity powers (s, 3) give."""
+def _receive(queue, rows, touched, slots, powers, received):
+    """Add to received (3, n) what shooters of radiosity powers (s, 3) give; blocks that a row does not touch are skipped."""
     n = received.shape[1]
     blocks = (n + BLOCK - 1) // BLOCK
-    rows, received = jit.borrow(rows), jit.borrow(received)
+    rows, touched, received = jit.borrow(rows), jit.borrow(touched), jit.borrow(received)
     block = jit.take(queue)
     while block < blocks:
         first = block * BLOCK
         red, green, blue = received[0, first : first + BLOCK], received[1, first : first + BLOCK], received[2, first : first + BLOCK]
         for s in range(len(slots)):
+            if not touched[slots[s], block]:
+                continue
             row = rows[slots[s], first : first + BLOCK]
             r, g, b = powers[s, 0], powers[s, 1], powers[s, 2]
-            for i in range(np.uint64(0), np.uint64(len(row))):
+            for i in range(np.uint64(0), np.uint64(len(red))):
                 k = decoded(row[i])
                 red[i] += k * r
                 green[i] += k * g
@@ -332,8 +342,8 @@ def fill_rows(elements: Elements, tree: Tree, source: Array, shooters: Shooters,
         rows: (slots, n) uint16, written.
 
     Returns:
-        (s,) float64: sum over the row of area times K: the area of the shooter if nothing escapes; and (s, 2) float64: the shares of the hemicube
-        that meet nothing and the backs of one-sided surfaces.
+        (s, blocks) float64: sums over the row, by blocks, of area times K: in all the shooter's area, if nothing escapes; and (s, 2) float64: the
+        shares of the hemicube that meet nothing and the backs of one-sided surfaces.
     """
     count, n = len(shooters.node), elements.numbers.shape[1]
     sums = np.empty((count, -(-n // BLOCK)))
@@ -350,9 +360,32 @@ def fill_rows(elements: Elements, tree: Tree, source: Array, shooters: Shooters,
         np.concatenate(deltas),
         np.array([begin[size] for size in seen.resolution.tolist()], np.int64), escaped,
     )  # fmt: skip
-    return sums.sum(1), escaped
+    return sums, escaped
 
 
-def receive(rows: Array, slots: Array, powers: Array, received: Array, threads: int) -> None:
-    """received (3, n) float32 += the sum over the shooters, in their order, of powers (s, 3) float32 times rows[slots]."""
-    jit.run(_receive, threads, rows, slots, powers, received)
+def receive(rows: Array, touched: Array, slots: Array, powers: Array, received: Array, threads: int) -> None:
+    """received (3, n) float32 += the sum over the shooters, in their order, of powers (s, 3) float32 times rows[slots].
+
+    `touched` (slots, blocks) bool tells which blocks of a row are not all zero.
+    """
+    jit.run(_receive, threads, rows, touched, slots, powers, received)
+
+
+@jit.parallel_kernel
+def _gather(queue, rows, touched, scale, area, starts, sums):
+    p = jit.take(queue)
+    while p < len(sums):
+        for q in range(len(starts) - 1):
+            total = 0.0
+            if touched[p, starts[q] // BLOCK : (starts[q + 1] - 1) // BLOCK + 1].any():
+                for j in range(starts[q], starts[q + 1]):
+                    total += np.float64(area[j]) * np.float64(decoded(rows[p, j]))
+            sums[p, q] = total * scale[p]
+        p = jit.take(queue)
+
+
+def gather(rows: Array, touched: Array, scale: Array, area: Array, starts: Array, threads: int) -> Array:
+    """(s, p) float64: what each row gives to each patch, elements starts[q] .. starts[q + 1] - 1: its scale times the sum of area times K."""
+    sums = np.zeros((len(scale), len(starts) - 1))
+    jit.run(_gather, threads, rows, touched, scale, area, starts, sums)
+    return sums
