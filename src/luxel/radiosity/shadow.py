@@ -16,8 +16,6 @@ from luxel.radiosity.transfer import edge_term
 
 PIECES, CORNERS = 96, 16
 OVERFLOW = -1.0
-_GAUSS = 0.5 - math.sqrt(3.0) / 6.0
-_STACK = 4 * 16
 
 
 @jit.part
