@@ -193,7 +193,7 @@ def test_own_coordinates_serve():
     wide = unwrap(laid_out([rectangle(2, 2, 40, 8), rectangle(2, 12, 40, 8, z=1)], (64, 24)).scene, 4.0, 128)
     assert wide.reused
     assert wide.size == (128, 48)
-    fine = unwrap(scene, 16.0, 128)  # would take a page of 256 x 256
+    fine = unwrap(scene, 16.0, 200)  # would take a page of 256 x 256
     assert not fine.reused
     assert np.allclose(densities(fine)[0], 16)
     assert not unwrap(scene, reuse=False).reused
