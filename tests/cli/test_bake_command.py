@@ -183,3 +183,23 @@ def test_skies_may_be_of_any_range(capsys, tmp_path):
     write_exr(tmp_path / "sky.exr", {"": np.full((64, 128, 3), 7, np.float32)})
     said = bake(capsys, tmp_path / "plane.ply", "-o", tmp_path / "lit.glb", "--quality", "draft", "--density", "8", "--sky", tmp_path / "sky.exr")
     assert said["mean_irradiance"] == pytest.approx([7 * np.pi] * 3, rel=0.02)
+
+
+def test_layers_are_of_one_lamp_each_and_sum_to_the_whole(capsys, tmp_path):
+    OpenEXR = pytest.importorskip("OpenEXR")
+    scene = cornell_box()
+    place = luxel.scene.transforms.translation((0.3, 0.3, 0.3))
+    scene.lights, scene.ambient = [Light("point", intensity=0.2, world_from_light=place, name="spark")], None
+    luxel.save(scene, tmp_path / "box.glb")
+    said = bake(capsys, tmp_path / "box.glb", "-o", tmp_path / "lit.glb", *QUICK, "--layers", "--tolerance", "1e-4")
+    assert said["output"] == [str(tmp_path / "lit.glb"), str(tmp_path / "lit_layers_0.exr")]
+    with OpenEXR.File(said["output"][1], separate_channels=True) as file:
+        layers = {}
+        for name, channel in file.channels().items():
+            if name.endswith("R"):
+                layers[name] = np.array(channel.pixels)
+    whole = layers.pop("R")
+    assert len(layers) == 2
+    assert any("spark" in name for name in layers)
+    assert all(layer.max() > 0.01 for layer in layers.values())
+    assert np.abs(sum(layers.values()) - whole).max() < 0.03 * whole.max()

@@ -59,6 +59,7 @@ ConventionName = Annotated[str, _written("--convention", metavar="NAME", help=_c
 White = Annotated[str, _written("--white", metavar="L", help="unlit: the radiance that is shown as white [1].")]
 NoLights = Annotated[bool, _written("--no-lights", help="Leave the lamps out, for viewers that would add them to the lightmap.")]
 Exr = Annotated[bool, _written("--exr", help="Also OUT_lightmap_0.exr ..., irradiance in W/m2.")]
+Layers = Annotated[bool, _written("--layers", help="Also OUT_layers_0.exr ...: what each lamp gives, and the sky, as a layer of its own.")]
 Occlusion = Annotated[str | None, _written("--ao", metavar="M", help="Ambient occlusion within so many metres, as occlusion textures.")]
 
 _working = partial(_option, "While it works")
@@ -85,6 +86,7 @@ def bake(
     white: White = "1",
     no_lights: NoLights = False,
     exr: Exr = False,
+    layers: Layers = False,
     ao: Occlusion = None,
     preview: Preview = None,
     checkpoint: Checkpoint = None,
@@ -113,6 +115,7 @@ def bake(
         values.choice(convention, _CONVENTIONS, "--convention"),
         values.number(white, "--white", "a radiance above 0", lambda x: x > 0),
         exr,
+        layers,
         not no_lights,
         only_indirect,
         None if ao is None else values.number(ao, "--ao", "metres above 0", lambda x: x > 0),
@@ -121,6 +124,8 @@ def bake(
     if dry_run:
         _tell(console, file, options)
         return
+    if layers:
+        options["layers"] = True
     _check_targets(write, preview, options)
     options["sky"] = None if sky is None else _sky(sky)
     _bake(console, file, write, preview, options)
@@ -134,6 +139,7 @@ class _Write:
     convention: str
     white: float
     exr: bool
+    layers: bool
     lights: bool
     only_indirect: bool
     occlusion: float | None
@@ -144,7 +150,7 @@ def _check_targets(write: _Write, preview: Path | None, options: dict[str, Any])
     from luxel.radiosity.output import check_writable
 
     values.output(write.output, SCENES)
-    if write.exr or write.convention == "sidecar":
+    if write.exr or write.layers or write.convention == "sidecar":
         values.output(write.output.with_suffix(".exr"), (".exr",))
     check_writable(write.output, _ROOM * options["page"] ** 2)
     check_writable(options["checkpoint"])
@@ -207,7 +213,7 @@ def _bake(console: Console, file: Path, write: _Write, preview: Path | None, opt
             baked = bake(scene, progress=watch, **options)
             report(1.0, "writing")
             lit = _lit(baked, write, options["threads"])
-            written = _save(lit, write)
+            written = _save(lit, baked, write)
             if preview is not None:
                 _draw(lit, preview)
                 written.append(preview)
@@ -256,11 +262,17 @@ def _lit(baked: Baked, write: _Write, threads: int | None) -> Scene:
     return lightmap.attach(baked.atlas, pages, shade)
 
 
-def _save(lit: Scene, write: _Write) -> list[Path]:
-    from luxel.radiosity.output import save_baked
+def _save(lit: Scene, baked: Baked, write: _Write) -> list[Path]:
+    """The files written, the scene's first."""
+    from luxel.radiosity import lightmap
+    from luxel.radiosity.output import save_baked, save_pages
 
+    beside: list[Path] = []
+    if write.layers:
+        named = {name.replace(".", "_") or "lamp": lightmap.finish(baked.atlas, baked.luxels, e, baked.valid)[0] for name, e in baked.layers.items()}
+        beside = save_pages(write.output.with_name(f"{write.output.stem}_layers.exr"), baked.pages, named)
     convention: Any = write.convention
-    return save_baked(lit, write.output, convention, exr=write.exr, white=write.white, lights=write.lights)
+    return save_baked(lit, write.output, convention, exr=write.exr, white=write.white, lights=write.lights) + beside
 
 
 def _say(console: Console, baked: Baked, written: list[Path], state: Path, took: float) -> None:
