@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from luxel.layout.optimize import optimize
     from luxel.radiosity.bake import Baked, bake
     from luxel.radiosity.form_factors import form_factors
+    from luxel.radiosity.output import save_baked
     from luxel.radiosity.relight import Transport
     from luxel.raster.picture import Picture
     from luxel.raster.render import prepare, render, render_to_png, render_views
@@ -33,6 +34,7 @@ _HOMES = {
     "luxel.layout.optimize": ("optimize",),
     "luxel.radiosity.bake": ("Baked", "bake"),
     "luxel.radiosity.form_factors": ("form_factors",),
+    "luxel.radiosity.output": ("save_baked",),
     "luxel.radiosity.relight": ("Transport",),
     "luxel.raster.picture": ("Picture",),
     "luxel.raster.render": ("prepare", "render", "render_to_png", "render_views"),
@@ -45,7 +47,7 @@ _HOME = {name: home for home, names in _HOMES.items() for name in names}
 __all__ = [
     "Ambient", "Baked", "Camera", "ExtraMissingError", "FileError", "InputError", "Instance", "Light", "LuxelError", "LuxelWarning", "Material",
     "Mesh", "Picture", "Scene", "Texture", "TextureRef", "Transport", "UnsupportedError", "__version__", "bake", "camera_for", "form_factors",
-    "frame", "inspect", "load", "optimize", "prepare", "render", "render_to_png", "render_views", "save", "turntable",
+    "frame", "inspect", "load", "optimize", "prepare", "render", "render_to_png", "render_views", "save", "save_baked", "turntable",
 ]  # fmt: skip
 
 
