@@ -37,7 +37,7 @@ def render(
     scene: Annotated[Path, typer.Argument(metavar="SCENE", help="A .glb, .gltf, .obj, .ply, .stl or .off.", show_default=False)],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="PNG", help="The picture.")],
     size: Annotated[str, typer.Option("--size", metavar="WxH", help="Of the picture, up to 4096 x 4096.")] = "320x240",
-    simulator: Annotated[str, typer.Option("--simulator", metavar="NAME", help="cxx needs a C++ compiler; amaranth is slow: auto, cxx, amaranth.")] = "auto",
+    simulator: Annotated[str, typer.Option("--simulator", metavar="NAME", help="auto, cxx (needs a C++ compiler), amaranth (slow).")] = "auto",
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 from amaranth.sim import Simulator
 
 from luxel.arrays import Array
+from luxel.hardware.rtl.pipeline import Operator
 
 
 class Run(NamedTuple):
@@ -23,6 +24,44 @@ class Run(NamedTuple):
     fields: dict[str, Array]
     clocks: Array
     sent: Array
+
+
+def compute(operator: Operator, inputs: dict[str, Array], goes: Callable[[int], bool] | None = None) -> dict[str, Array]:
+    """The outputs of an operator, one set of inputs a clock.
+
+    Args:
+        operator: Any.
+        inputs: (n,) arrays of integers, by its inputs.
+        goes: Whether it goes on a clock; always, if not given.
+
+    Returns:
+        (n,) int64 arrays, by its outputs.
+    """
+    rows = list(zip(*(np.asarray(inputs[key]).tolist() for key in operator.i)))
+    found: list[list[int]] = []
+
+    async def bench(ctx: Any) -> None:
+        taken = clock = 0
+        while len(found) < len(rows):
+            going = goes is None or goes(clock)
+            ctx.set(operator.go_next, int(going))
+            await ctx.tick()
+            clock += 1
+            if not going:
+                continue
+            # It goes on the clock that comes: what is at its inputs is taken, what is at its outputs has gone all the way.
+            if taken >= operator.latency:
+                found.append([int(ctx.get(signal)) for signal in operator.o.values()])
+            if taken < len(rows):
+                for signal, value in zip(operator.i.values(), rows[taken]):
+                    ctx.set(signal, value)
+            taken += 1
+
+    simulator = Simulator(operator.module())
+    simulator.add_clock(1e-6)
+    simulator.add_testbench(bench)
+    simulator.run()
+    return dict(zip(operator.o, np.array(found, np.int64).reshape(len(rows), -1).T))
 
 
 def run(component: Any, inputs: dict[str, Array], count: int, offered: Callable[[int], bool] | None = None,

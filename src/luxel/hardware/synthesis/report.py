@@ -23,7 +23,7 @@ def latency(design: Design) -> int:
     component = design.make()
     fields = component.i.payload.shape().members
     corner = {"x0": 0, "y0": 0, "x1": 0, "y1": 512, "x2": 512, "y2": 0}
-    ports = {name: 63 for name in ("right", "bottom") if hasattr(component, name)}
+    ports: Any = {name: 63 for name in ("right", "bottom") if hasattr(component, name)}
     found = run(component, {key: np.array([corner.get(key, 0)]) for key in fields}, 1, limit=1000, **ports)
     return int(found.clocks[0] - found.sent[0])
 
