@@ -209,6 +209,8 @@ def test_scenes_are_sound(name):
     allowed = {"open edges", "duplicate vertices", "texture coordinates outside 0..1"}
     if name == "bumpy-sphere":
         allowed.add("degenerate triangles")
+    if name in ("room-simple", "room-complex"):
+        allowed.add("non-manifold edges")  # blocks that stand on or beside each other
     assert kinds <= allowed
 
 

@@ -1,7 +1,7 @@
 """Shapes and scenes made by code, with NumPy alone.
 
 >>> sorted(SCENES)
-['bumpy-sphere', 'cornell-box', 'room', 'two-triangles']
+['bumpy-sphere', 'cornell-box', 'room', 'room-complex', 'room-simple', 'two-triangles']
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from luxel.scene.builtin.bumpy import bumpy_sphere, bumpy_sphere_scene
 from luxel.scene.builtin.cornell import cornell_box
 from luxel.scene.builtin.grid import merged, surface, transformed
 from luxel.scene.builtin.paper import two_triangles
+from luxel.scene.builtin.paper_rooms import room_complex, room_simple
 from luxel.scene.builtin.room import room
 from luxel.scene.builtin.shapes import (
     box,
@@ -32,6 +33,8 @@ SCENES: dict[str, Callable[[], Scene]] = {
     "bumpy-sphere": bumpy_sphere_scene,
     "cornell-box": cornell_box,
     "room": room,
+    "room-complex": room_complex,
+    "room-simple": room_simple,
     "two-triangles": two_triangles,
 }
 
@@ -49,6 +52,8 @@ __all__ = [
     "plane",
     "quad",
     "room",
+    "room_complex",
+    "room_simple",
     "sphere",
     "superellipsoid",
     "surface",
