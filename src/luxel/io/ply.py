@@ -182,25 +182,26 @@ def integers(values: Array, at: str) -> Array:
 
 
 def _stack(vertex: Columns, names: tuple[str, ...]) -> Array | None:
-    """(n, len(names)) float32 of scalar properties; None if one is missing."""
-    columns = [vertex.get(name) for name in names]
-    if any(not isinstance(column, np.ndarray) for column in columns):
+    """(n, len(names)) float32 of scalar properties, which are taken out of `vertex` so that no second copy stays; None if one is missing."""
+    if any(not isinstance(vertex.get(name), np.ndarray) for name in names):
         return None
-    out = np.empty((len(columns[0]), len(names)), np.float32)  # type: ignore[arg-type]
-    for k, column in enumerate(columns):
-        out[:, k] = column
+    out = np.empty((len(vertex[names[0]]), len(names)), np.float32)
+    for k, name in enumerate(names):
+        out[:, k] = vertex.pop(name)
     return out
 
 
 def _colors(vertex: Columns) -> Array | None:
     for prefix in ("", "diffuse_"):
+        red = vertex.get(f"{prefix}red")
         encoded = _stack(vertex, (f"{prefix}red", f"{prefix}green", f"{prefix}blue"))
         if encoded is not None:
             break
     else:
         return None
+    assert isinstance(red, np.ndarray)
     alpha = vertex.get("alpha")
-    kind = vertex[f"{prefix}red"].dtype
+    kind = red.dtype
     scale = np.iinfo(kind).max if kind.kind in "iu" else 255 if encoded.max(initial=0) > 1 else 1
     out = np.ones((len(encoded), 4), np.float32)
     out[:, :3] = linear_from_srgb(np.clip(encoded / np.float32(scale), 0, 1))
