@@ -43,6 +43,9 @@ _MOST_KEPT = 8 << 30
 _MOST_BACKS = 0.5
 """A luxel that sees more backs than this is inside a solid."""
 
+_FEW_VALID, _MUCH_LOST = 0.5, 0.98
+"""Shares of valid luxels and of escaped light that are worth a word."""
+
 _SKY_DIRECTIONS = {"draft": 128, "normal": 512, "final": 2048}
 _SAVE_EVERY = 30.0  # seconds
 
@@ -165,6 +168,9 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
     shooting = steps(problem, state, rows, light_rows, settings.tolerance, threads)
     finished = _shoot_all(shooting, prepared, state, deadline, progress, (Path(checkpoint), key) if checkpoint else None)
     clock.lap("solve")
+    if state.escaped.sum() > _MUCH_LOST * state.emitted.sum():
+        share = f"{state.escaped.sum() / state.emitted.sum():.0%} of the light meets nothing, or backs of surfaces"
+        warnings.warn(f"{share}: is the scene open, or are normals inverted?", LuxelWarning, stacklevel=2)
     values = _per_luxel(prepared, state.received + ambient(problem, state)[:, None].astype(np.float32))
     baked = Baked(prepared.atlas, prepared.luxels, values, prepared.valid, _per_luxel(prepared, state.direct), state.ledger, clock.seconds, finished)
     if keep:
@@ -248,9 +254,9 @@ def _prepare(scene: Any, settings: Quality, density: float | None, page: int, th
     reach = 2.0 * float(np.linalg.norm(np.ptp(finite, axis=0)))
     backs = seen_backs(rays, two_sided, luxels.position, luxels.face_normal, reach, threads)
     valid = (backs <= _MOST_BACKS) | luxels.two_sided
-    if not valid.any():
-        warnings.warn("every surface sees only backs of others: are the normals inverted?", LuxelWarning, stacklevel=3)
-        valid[:] = True
+    if valid.mean() < _FEW_VALID:
+        share = f"{1 - valid.mean():.0%} of the luxels see hardly anything but backs of surfaces"
+        warnings.warn(f"{share}: are normals inverted? They stay dark", LuxelWarning, stacklevel=3)
     clock.lap("inside")
     pieces = cut(atlas, geometry, luxels, valid, two_sided, masks, settings)
     clock.lap("patches")

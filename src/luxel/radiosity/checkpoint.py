@@ -58,7 +58,7 @@ def load(path: Path, key: str, fresh: State) -> State | None:
     if not path.exists():
         return None
     try:
-        with np.load(path, allow_pickle=False) as kept:
+        with open(path, "rb") as file, np.load(file, allow_pickle=False) as kept:
             arrays = {name: kept[name] for name in (*_ARRAYS, "key", "counts", "ledger")}
     except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
         raise FileError(path, f"expected a checkpoint of a bake ({error})") from error

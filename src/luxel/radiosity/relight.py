@@ -134,7 +134,7 @@ class Transport:
             FileError: There is no such file, or it holds something else.
         """
         try:
-            with np.load(path, allow_pickle=False) as kept:
+            with open(path, "rb") as file, np.load(file, allow_pickle=False) as kept:
                 if int(kept["version"]) != _VERSION:
                     raise FileError(path, f"expected a transport of version {_VERSION}, got {int(kept['version'])}")
                 arrays = {field.name: kept[field.name] for field in fields(cls)}

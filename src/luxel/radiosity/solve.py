@@ -23,7 +23,7 @@ from luxel.radiosity.patches import Tree
 from luxel.radiosity.transport import AREA, BLOCK, PX, PZ, Elements, Occluders, Shooters, fill_rows, receive
 
 _BATCH = 64
-_SCALE_RANGE = 0.8, 1.25
+_SCALE_RANGE = 0.5, 2.0
 """A row's sum is put right by no more than this; what is left over counts as escaped."""
 
 

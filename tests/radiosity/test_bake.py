@@ -1,0 +1,231 @@
+import itertools
+import warnings
+
+import numpy as np
+import pytest
+from closed import box, matte
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import luxel
+from luxel import Camera, InputError, Light, LuxelWarning, Mesh, Scene
+from luxel.radiosity.bake import bake
+from luxel.scene.builtin.shapes import sphere
+from luxel.scene.transforms import look_at
+
+GLOW = 1 / np.pi  # radiance of a surface that emits 1 W/m2
+
+
+def mean(baked, chosen=slice(None)):
+    area = baked.luxels.area[chosen].astype(np.float64)
+    return (baked.irradiance[chosen] * area[:, None]).sum(0) / area.sum()
+
+
+@pytest.fixture(scope="module")
+def furnace():
+    return bake(box(matte(0.5, GLOW)), density=16)
+
+
+def test_every_luxel_of_a_furnace_has_the_same_light(furnace):
+    """B = E / (1 - rho) everywhere, and the irradiance in a closed scene of equal radiosity is that radiosity."""
+    np.testing.assert_allclose(furnace.irradiance, 2.0, rtol=0.006)
+    np.testing.assert_allclose(mean(furnace), 2.0, rtol=1e-3)
+    np.testing.assert_allclose(furnace.direct, 1.0, rtol=0.005)
+
+
+def check_ledger(baked, escaped=1e-9):
+    """It adds up at every step, and what escapes is below a share: in closed scenes, of patches whose hemicube and luxels disagree a lot."""
+    for step in baked.ledger:
+        whole = step.absorbed + step.escaped + step.unshot
+        np.testing.assert_allclose(whole, step.emitted, rtol=2e-6)
+        assert np.abs(step.escaped).max() <= escaped * step.emitted.max()
+    unshot = [step.unshot_fraction for step in baked.ledger]
+    assert all(later < earlier for earlier, later in itertools.pairwise(unshot))
+
+
+def test_the_ledger_of_a_furnace_holds_at_every_step(furnace):
+    check_ledger(furnace)
+    assert furnace.finished
+    assert furnace.ledger[-1].unshot_fraction <= 1e-3
+
+
+@settings(max_examples=6, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_the_ledger_of_random_closed_scenes_holds(seed):
+    rng = np.random.default_rng(seed)
+    materials = [matte(rng.uniform(0, 0.9, 3), rng.uniform(0, 1, 3) * (rng.random() < 0.5)) for _ in range(12)]
+    materials[5] = matte(0.5, 1.0)
+    scene = box(materials[:6], (0, 0, 0), rng.uniform(0.7, 2, 3))
+    low = rng.uniform(0.1, 0.3, 3)
+    box(materials[6:], low, low + rng.uniform(0.1, 0.3, 3), scene, inward=False)
+    check_ledger(bake(scene, density=10, quality="draft"), escaped=0.01)
+
+
+def test_in_a_sphere_light_is_the_same_everywhere():
+    """F_ij = A_j / A in a sphere, so H = <E> / (1 - <rho>), whatever emits and reflects."""
+    ball = sphere(1.0)
+    scene = Scene()
+    z = ball.positions[ball.triangles][:, :, 1].mean(1)
+    inside = ball.triangles[:, ::-1]
+    for chosen, material in ((z > 0.5, matte(0.3, GLOW)), (z <= 0.5, matte(0.7))):
+        scene.add(Mesh(ball.positions, np.ascontiguousarray(inside[chosen]), -ball.normals), material)
+    baked = bake(scene, density=10)
+    area = baked.luxels.area.astype(np.float64)
+    emission, albedo = (np.average(values[:, 0], weights=area) for values in (baked.luxels.emission, baked.luxels.albedo))
+    expected = emission / (1 - albedo)
+    np.testing.assert_allclose(mean(baked)[0], expected, rtol=0.01)
+    assert np.sqrt(((baked.irradiance[:, 0] - expected) ** 2).mean()) < 0.03 * expected  # a ball of flat faces is no sphere
+
+
+@pytest.fixture(scope="module")
+def lamp_room():
+    scene = box([matte((0.6, 0.1, 0.1)), matte(0.5), matte(0.5), matte(0.7, (0.3, 0.2, 0.1)), matte(0.5), matte((0.1, 0.6, 0.1))])
+    box(matte(0.4), (0.3, 0.0, 0.3), (0.6, 0.4, 0.6), scene, inward=False, skip=(2,))
+    return scene
+
+
+def test_the_same_bytes_for_any_number_of_threads(lamp_room):
+    one, two, four = (bake(lamp_room, density=20, quality="draft", threads=n) for n in (1, 2, 4))
+    assert one.irradiance.tobytes() == two.irradiance.tobytes() == four.irradiance.tobytes()
+    assert one.pages.tobytes() == two.pages.tobytes()
+
+
+def test_an_interrupted_bake_resumes_to_the_same_bytes(lamp_room, tmp_path):
+    state = tmp_path / "state"
+    whole = bake(lamp_room, density=20, quality="draft")
+
+    def stop(unshot, progress):
+        if len(progress.state.ledger) == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        bake(lamp_room, density=20, quality="draft", checkpoint=state, progress=stop)
+    resumed = bake(lamp_room, density=20, quality="draft", checkpoint=state, resume=True, threads=1)
+    assert resumed.irradiance.tobytes() == whole.irradiance.tobytes()
+    assert len(resumed.ledger) == len(whole.ledger)
+    with pytest.raises(InputError, match="another scene or other settings"):
+        bake(lamp_room, density=21, quality="draft", checkpoint=state, resume=True)
+
+
+def test_a_broken_checkpoint_is_named(lamp_room, tmp_path):
+    state = tmp_path / "state"
+    state.write_bytes(b"nonsense")
+    with pytest.raises(luxel.FileError, match="state: expected a checkpoint"):
+        bake(lamp_room, density=10, quality="draft", checkpoint=state, resume=True)
+
+
+def test_what_lies_in_a_solid_takes_no_part(lamp_room):
+    baked = bake(lamp_room, density=20, quality="draft")
+    p = baked.luxels.position
+    floor = (p[:, 1] < 1e-6) & (p[:, 0] > 0.33) & (p[:, 0] < 0.57) & (p[:, 2] > 0.33) & (p[:, 2] < 0.57)
+    assert floor.any()
+    assert not baked.valid[floor].any()
+    outside = (p[:, 1] < 1e-6) & ((p[:, 0] < 0.25) | (p[:, 0] > 0.65))
+    assert baked.valid[outside].all()
+
+
+def test_no_light_and_no_surface_are_errors():
+    with pytest.raises(InputError, match="nothing shines"):
+        bake(box(matte(0.5)), density=4)
+    with pytest.raises(InputError, match=r"no surface|no triangles|surface"):
+        bake(Scene(lights=[Light()]), density=4)
+
+
+@pytest.mark.parametrize(("given", "said"), [({"quality": "best"}, "draft, normal, final"), ({"tolerance": 2.0}, "between 0 and 1")])
+def test_wrong_values_are_named(given, said):
+    with pytest.raises(InputError, match=said):
+        bake(box(matte(0.5, 1.0)), density=4, **given)
+
+
+def test_inverted_normals_are_said():
+    with pytest.warns(LuxelWarning, match="100% of the light .* normals inverted"):
+        bake(box(matte(0.5, 1.0), inward=False), density=4)
+    nested = Scene()
+    for gap in (0.0, 0.1, 0.2, 0.25):
+        box(matte(0.5, 1.0), (gap,) * 3, (1 - gap,) * 3, nested, inward=False)
+    with pytest.warns(LuxelWarning) as said:
+        bake(nested, density=10)
+    assert any("of the luxels see hardly anything but backs" in str(warning.message) for warning in said)
+
+
+def test_too_bright_surfaces_are_clamped_and_said():
+    with pytest.warns(LuxelWarning, match=r"0\.99"):
+        baked = bake(box([matte(1.0)] * 5 + [matte(0.2, 1.0)]), density=6, quality="draft")
+    assert np.isfinite(baked.irradiance).all()
+
+
+def test_an_open_scene_loses_its_light():
+    baked = bake(box([matte(0.5)] * 3 + [matte(0.5, GLOW), matte(0.5)], skip=(5,)), density=10)
+    check_ledger(baked, escaped=1.0)
+    assert (baked.ledger[-1].escaped > 0.1 * baked.ledger[-1].emitted).all()
+
+
+def floor(double_sided=False, height=0.0):
+    corners = np.array([[-1, height, 1], [1, height, 1], [1, height, -1], [-1, height, -1]], np.float32)
+    scene = Scene()
+    scene.add(Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32)), matte(0.5, double_sided=double_sided))
+    return scene
+
+
+def test_a_point_light_falls_off_with_the_square():
+    scene = floor()
+    scene.lights.append(Light("point", (1.0, 0.5, 0.25), 10.0, look_at((0, 2, 0), (0, 0, 0), (0, 0, 1))))
+    baked = bake(scene, density=16)
+    p = baked.luxels.position.astype(np.float64)
+    r2 = (p**2).sum(1) + 4.0
+    np.testing.assert_allclose(baked.irradiance, 10 * 2 / r2[:, None] ** 1.5 * [1, 0.5, 0.25], rtol=2e-3)
+
+
+def test_the_sun_shines_on_one_side_and_the_sky_on_both():
+    scene = floor(double_sided=True)
+    scene.lights.append(Light("directional", (1, 1, 1), 2.0, look_at((0, 1, 1), (0, 0, 0), (1, 0, 0))))
+    np.testing.assert_allclose(bake(scene, density=8).irradiance, 2 / np.sqrt(2), rtol=1e-4)
+    np.testing.assert_allclose(bake(floor(), density=8, sky=0.5).irradiance, 0.5 * np.pi, rtol=2e-3)
+    picture = np.zeros((16, 32, 3), np.float32)
+    picture[:8] = 0.5  # only the upper half is bright
+    np.testing.assert_allclose(bake(floor(), density=8, sky=picture).irradiance, 0.5 * np.pi, rtol=0.02)
+
+
+def test_a_screen_casts_its_shadow():
+    scene = floor()
+    corners = np.array([[-0.5, 1, 0.5], [0.5, 1, 0.5], [0.5, 1, -0.5], [-0.5, 1, -0.5]], np.float32)
+    scene.add(Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32)), matte(0.0, double_sided=True))
+    scene.lights.append(Light("directional", (1, 1, 1), 1.0, look_at((0, 5, 0), (0, 0, 0), (0, 0, 1))))
+    baked = bake(scene, density=16)
+    p = baked.luxels.position
+    ground, reach = p[:, 1] < 0.5, np.abs(p[:, [0, 2]]).max(1)
+    assert not baked.irradiance[ground & (reach < 0.45)].any()
+    np.testing.assert_allclose(baked.irradiance[ground & (reach > 0.55)], 1.0, rtol=1e-5)
+
+
+def test_holes_of_a_mask_let_light_through():
+    from luxel import Material, Texture, TextureRef
+
+    scene = floor()
+    image = np.zeros((2, 2, 4), np.uint8)
+    image[:, 0] = 255  # the left half is solid
+    scene.textures.append(Texture(image, filter="nearest", wrap=("clamp", "clamp")))
+    corners = np.array([[-1, 0.5, 1], [1, 0.5, 1], [1, 0.5, -1], [-1, 0.5, -1]], np.float32)
+    texcoords = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], np.float32)
+    leaf = Material((0, 0, 0, 1.0), alpha_mode="MASK", double_sided=True, base_color_texture=TextureRef(0))
+    scene.add(Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32), texcoords=texcoords), leaf)
+    scene.lights.append(Light("directional", (1, 1, 1), 1.0, look_at((0, 5, 0), (0, 0, 0), (0, 0, 1))))
+    baked = bake(scene, density=16)
+    p = baked.luxels.position
+    ground = p[:, 1] < 0.1
+    assert not baked.irradiance[ground & (p[:, 0] < -0.1)].any()
+    np.testing.assert_allclose(baked.irradiance[ground & (p[:, 0] > 0.1)], 1.0, rtol=1e-5)
+
+
+def test_the_lit_scene_shows_its_light(furnace):
+    camera = Camera.look_at((0.5, 0.5, 0.9), (0.5, 0.5, 0.0), yfov=1.0, near=0.01)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        picture = luxel.render(furnace.scene, camera, (32, 32), outputs=("linear",))
+    np.testing.assert_allclose(picture.linear[..., :3], 0.5 * 2.0 / np.pi + GLOW, rtol=0.01)  # albedo E / pi, and what it emits
+
+
+def test_a_time_budget_stops_the_shooting(lamp_room):
+    baked = bake(lamp_room, density=20, seconds=1e-9)
+    assert not baked.finished
+    check_ledger(baked, escaped=1e-4)  # at its foot the block shows its inside: it has no bottom
