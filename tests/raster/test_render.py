@@ -12,6 +12,7 @@ from luxel.raster import render
 from luxel.raster.outputs import SHAPES
 from luxel.scene.builtin.shapes import sphere
 from luxel.scene.colour import bytes_from_linear
+from luxel.scene.transforms import look_at
 
 EVERYTHING = ("color", "linear", *SHAPES)
 IDS = ("triangle", "depth", "object", "material")
@@ -398,3 +399,19 @@ def test_thousands_of_triangles_in_a_tile_keep_their_own_colours(tile):
     many = luxel.render(scene, camera, size, outputs=("linear",), samples=16, **options)
     fine = luxel.render(scene, camera, size, outputs=("linear",), ssaa=8, **options)
     assert np.abs(many.linear - fine.linear).mean() < 0.05
+
+
+def test_a_normal_map_is_steady_from_steep_to_grazing_views():
+    """A floor's bent normals are what a texture of one colour says, from steep views to less than a ten-thousandth of a degree, on both sides."""
+    bent = np.full((4, 4, 3), np.round(127.5 * (np.array([0.6, 0, 0.8]) + 1)), np.uint8)
+    floor = Mesh([[-50, 0, 50], [50, 0, 50], [50, 0, -50], [-50, 0, -50]], [[0, 1, 2], [0, 2, 3]], [[0, 1, 0]] * 4,
+                 [[0, 0], [100, 0], [100, 100], [0, 100]])  # fmt: skip
+    material = Material((1, 1, 1, 1), specular=(0, 0, 0), double_sided=True, normal_texture=TextureRef(0))
+    scene = Scene.from_mesh(floor, material)
+    scene.textures = [Texture(bent, srgb=False)]
+    for height in (10, 1e-2, 1e-5, -1e-5, -1):
+        scene.lights = [Light(intensity=np.pi, world_from_light=look_at((np.sign(height), 0, 0), (0, 0, 0)))]
+        picture = luxel.render(scene, Camera.look_at((14, height, 14), (0, 0, 0), yfov=0.02, near=1e-3), (32, 32), outputs=("linear", "triangle"))
+        shown = picture.linear[picture.triangle >= 0, 0]
+        assert len(shown) > 30, height
+        assert np.allclose(shown, 0.6, atol=4e-3), height

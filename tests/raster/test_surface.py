@@ -123,6 +123,15 @@ def test_a_bump_seen_from_behind_is_a_dent():
     assert np.allclose(rgb(*surface_of(material, textures, **with_tangents), c.NX)[0], -expected_tilt(), atol=1e-6)
 
 
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_normal_map_is_steady_up_to_normals_that_lie_in_the_surface(side):
+    # Interpolated normals turn away from the triangle at silhouettes of coarse meshes, at the limit by a right angle, from the front or behind.
+    material, textures = Material(normal_texture=TextureRef(0)), [flat_texture(*TILTED)]
+    seen = {"dx": [(0.01 * side, 0, 0)], "dy": [(0, -0.01, 0)], "U0X": [0.1 * side], "V0Y": [0.1], "FRONT": [side]}
+    limit, near = (rgb(*surface_of(material, textures, **seen, normal=[(0.8, 0.6, z)]), c.NX)[0] for z in (0, 1e-4))
+    assert np.allclose(limit, near, atol=1e-3)
+
+
 def test_a_normal_map_without_coordinates_leaves_the_normal():
     g, n = surface_of(Material(normal_texture=TextureRef(0)), [flat_texture(*TILTED)], dx=[(0, 0, 0)], dy=[(0, 0, 0)])
     assert np.allclose(rgb(g, n, c.NX)[0], (0, 0, 1))

@@ -215,7 +215,7 @@ def bend(g: Array, n: int, uv: Array, transform: Array, strength: np.float32) ->
         ux, vx, uy, vy = uv[2 * PITCH + i], uv[3 * PITCH + i], uv[4 * PITCH + i], uv[5 * PITCH + i]
         ux, vx, uy, vy = a * ux + b * vx, d * ux + e * vx, a * uy + b * vy, d * uy + e * vy
         # n x dP/dx and dP/dy x n are the gradients of the pixel's y and x on the surface, times the triple product, whose sign
-        # tells on which side of the surface x turns into y.
+        # tells on which side of the surface x turns into y: -front, unless the normal disagrees with the winding.
         px, py, pz = g[DXX + i], g[DXY + i], g[DXZ + i]
         qx, qy, qz = g[DYX + i], g[DYY + i], g[DYZ + i]
         yx, yy, yz = ny * pz - nz * py, nz * px - nx * pz, nx * py - ny * px
@@ -224,7 +224,7 @@ def bend(g: Array, n: int, uv: Array, transform: Array, strength: np.float32) ->
         tx, ty, tz = xx * ux + yx * uy, xy * ux + yy * uy, xz * ux + yz * uy
         bx, by, bz = xx * vx + yx * vy, xy * vx + yy * vy, xz * vx + yz * vy
         size = max(tx * tx + ty * ty + tz * tz, bx * bx + by * by + bz * bz)
-        scale = (_ONE if turn > _ZERO else -_ONE) / np.float32(math.sqrt(max(size, _TINY)))
+        scale = (-front if turn * front <= _ZERO else front) / np.float32(math.sqrt(max(size, _TINY)))
         own, w = g[TW + i] != _ZERO, g[TW + i]
         tx, ty, tz = g[TX + i] if own else tx * scale, g[TY + i] if own else ty * scale, g[TZ + i] if own else tz * scale
         bx = (ny * tz - nz * ty) * w if own else -bx * scale
