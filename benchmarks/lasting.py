@@ -2,8 +2,9 @@
 
     python benchmarks/lasting.py [renders]
 
-Scenes, sizes, samples, filters, outputs and cameras change from one to the next. Prints resident memory every tenth of the way, and the
-growth after the first tenth, which brings everything to its full size. Every 16th picture is large enough for the arrays that are used again.
+Scenes, sizes, samples, filters, outputs and cameras change from one to the next; every 16th picture is large enough for arrays that are used
+again. Prints resident memory every tenth of the way, how much of it waits to be used again, and the growth after the first tenth, which brings
+everything to its full size.
 """
 
 import gc
@@ -14,6 +15,7 @@ import numpy as np
 import psutil
 
 import luxel
+from luxel import memory
 from luxel.scene.builtin import shapes
 
 
@@ -44,7 +46,8 @@ def main() -> None:
         if (k + 1) % max(1, count // 10) == 0:
             gc.collect()
             held.append(process.memory_info().rss / 2**20)
-            print(f"{k + 1:6d} renders  {held[-1]:7.1f} MiB  {time.perf_counter() - started:6.1f} s", flush=True)
+            idle = sum(map(len, memory._idle)) / 2**20
+            print(f"{k + 1:6d} renders  {held[-1]:7.1f} MiB, {idle:.1f} idle  {time.perf_counter() - started:6.1f} s", flush=True)
     print(f"growth after the first tenth: {held[-1] - held[0]:+.1f} MiB over {count - count // 10} renders")
 
 
