@@ -4,8 +4,8 @@ A value in a pipeline has a time: how many clocks after the inputs it is there. 
 through registers that are shared, computes and registers. So the latency of an operator follows from what it is made of, and no delay
 is counted by hand.
 
-All registers of an operator stop together while `go` is low, so a pipeline may be stopped at any clock. `go` is a register, and every operator
-has its own: it drives only what is near. Its next value comes from outside.
+All registers of an operator stop together while `go` is low, so a pipeline may be stopped at any clock. `go` is a register, and every few hundred
+bits have their own: it drives only what is near. Its next value comes from outside.
 """
 
 from __future__ import annotations
@@ -16,6 +16,8 @@ from typing import Any, NamedTuple
 
 from amaranth import ClockSignal, Const, Instance, Module, Shape, Signal, Value
 
+_NEAR = 256
+"""Bits that one register of `go` drives."""
 _library: dict[str, Operator] | None = None
 
 
@@ -58,8 +60,9 @@ class Pipeline:
     def into(self, m: Module) -> None:
         """Put all that was made into a module."""
         m.d.sync += self.go.eq(self.go_next)
-        with m.If(self.go):
-            m.d.sync += [signal.eq(value) for signal, value in self._registers]
+        for registers in self._groups():
+            with m.If(self._place(Go(), {})["go"]):
+                m.d.sync += [signal.eq(value) for signal, value in registers]
         m.d.comb += self._wires
         for name, part in self._parts.items():
             m.submodules[name] = part.module() if isinstance(part, Operator) else part
@@ -98,6 +101,17 @@ class Pipeline:
         signals = self._place(operator, aligned)
         outputs = tuple(Timed(signal, time + operator.latency) for signal in signals.values())
         return outputs[0] if len(outputs) == 1 else outputs
+
+    def _groups(self) -> Iterator[list[tuple[Signal, Value]]]:
+        """The registers in groups of some `_NEAR` bits, from the inputs to the outputs."""
+        group: list[tuple[Signal, Value]] = []
+        for signal, value in self._registers:
+            group.append((signal, value))
+            if sum(len(each) for each, _ in group) >= _NEAR:
+                yield group
+                group = []
+        if group:
+            yield group
 
     def _place(self, operator: Operator, inputs: dict[str, Value]) -> dict[str, Signal]:
         """Put an operator to work, and return its outputs."""
@@ -146,3 +160,14 @@ class Operator:
         self._pipe.into(m)
         m.d.comb += [self.o[key].eq(value) for key, value in self._outputs.items()]
         return m
+
+
+class Go(Operator):
+    """A copy of `go`: a module, so that synthesis does not make one of all of them."""
+
+    def __init__(self) -> None:
+        super().__init__("go", {})
+
+    def build(self, p: Pipeline) -> dict[str, Timed]:
+        """The register that every pipeline has."""
+        return {"go": Timed(p.go, 0)}

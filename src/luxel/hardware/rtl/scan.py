@@ -79,9 +79,8 @@ class Blocks(wiring.Component):
         start = [Signal(s.edge, name=f"start{i}", reset_less=True) for i in EDGES]  # of the row of blocks
         across = s.pixel - BLOCK_LOG2
         x, y, columns, rows, wide = (Signal(across, name=name, reset_less=True) for name in ("x", "y", "columns", "rows", "wide"))
-        busy = Signal()
+        busy, load = Signal(), Signal(init=1)  # `load`: not busy, or at the last block
         right, bottom, top = (Signal(name=name, reset_less=True) for name in ("right", "bottom", "top"))
-        load = ~busy | (right & bottom)
         m.d.comb += self.i.ready.eq(p.go & load)
         new_wide, new_high = (Signal(across, name=name) for name in ("new_wide", "new_high"))
         m.d.comb += [
@@ -91,6 +90,7 @@ class Blocks(wiring.Component):
         with m.If(p.go & load):
             m.d.sync += [busy.eq(self.i.valid), triangle.eq(new), top.eq(1), wide.eq(new_wide), columns.eq(new_wide), rows.eq(new_high)]
             m.d.sync += [right.eq(new_wide == 0), bottom.eq(new_high == 0), x.eq(new.first_x[BLOCK_LOG2:]), y.eq(new.first_y[BLOCK_LOG2:])]
+            m.d.sync += load.eq(~self.i.valid | ((new_wide == 0) & (new_high == 0)))
             m.d.sync += [register.eq(new[f"e{i}"]) for i in EDGES for register in (e[i], start[i])]
         with m.Elif(p.go):
             steps = [Mux(right, triangle[f"b{i}"], triangle[f"a{i}"]) for i in EDGES]
@@ -100,8 +100,9 @@ class Blocks(wiring.Component):
                 m.d.sync += [start[i].eq(following[i]) for i in EDGES]
                 m.d.sync += [x.eq(triangle.first_x[BLOCK_LOG2:]), y.eq(y + 1), columns.eq(wide), right.eq(wide == 0)]
                 m.d.sync += [rows.eq(rows - 1), bottom.eq(rows == 1), top.eq(0)]
+                m.d.sync += load.eq((wide == 0) & (rows == 1))
             with m.Else():
-                m.d.sync += [x.eq(x + 1), columns.eq(columns - 1), right.eq(columns == 1)]
+                m.d.sync += [x.eq(x + 1), columns.eq(columns - 1), right.eq(columns == 1), load.eq((columns == 1) & bottom)]
         shown = {f"e{i}": e[i] for i in EDGES} | {"x": x, "y": y, "right": right, "bottom": bottom, "top": top, "busy": busy}
         left = Signal(name="left")
         m.d.comb += left.eq(x == triangle.first_x[BLOCK_LOG2:])
@@ -156,15 +157,15 @@ class Rows(wiring.Component):
     def _walk(self, m: Module, p: Pipeline) -> tuple[dict[str, Timed], Value]:
         """The state: a row of a block, on every clock the next; and whether there is one."""
         block = Signal(block_layout(self.sizes), name="block", reset_less=True)
-        busy = Signal()
+        busy, load = Signal(), Signal(init=1)  # `load`: not busy, or at the last row
         final = Signal(reset_less=True)
-        load = ~busy | final
+        ends = (self.i.payload.rows == 0) | ~self.i.payload.drawn
         m.d.comb += self.i.ready.eq(p.go & load)
         with m.If(p.go & load):
-            m.d.sync += [busy.eq(self.i.valid), block.eq(self.i.payload), final.eq((self.i.payload.rows == 0) | ~self.i.payload.drawn)]
+            m.d.sync += [busy.eq(self.i.valid), block.eq(self.i.payload), final.eq(ends), load.eq(~self.i.valid | ends)]
         with m.Elif(p.go):
             m.d.sync += [block[f"e{i}"].eq(block[f"e{i}"] + block[f"b{i}"]) for i in EDGES]
-            m.d.sync += [block.y.eq(block.y + 1), block.rows.eq(block.rows - 1), final.eq(block.rows == 1)]
+            m.d.sync += [block.y.eq(block.y + 1), block.rows.eq(block.rows - 1), final.eq(block.rows == 1), load.eq(block.rows == 1)]
         return constants(block_layout(self.sizes), block) | {"final": Timed(final, 0)}, busy
 
     def _cover(self, p: Pipeline, s: dict[str, Timed]) -> dict[str, Timed]:
@@ -227,15 +228,15 @@ class Fragments:
     def walk(self, m: Module, go: Value, i: Any) -> tuple[dict[str, Value], Value]:
         """The fields of a fragment, on every clock the next; and whether there is one."""
         row = Signal(row_layout(self.sizes), name="row", reset_less=True)
-        busy = Signal(name="row_busy")
+        busy, load = Signal(name="row_busy"), Signal(name="row_load", init=1)  # `load`: not busy, or at the last fragment
         final = Signal(name="row_final", reset_less=True)
-        load = ~busy | final
+        ends = (i.payload.following == 0) | ~i.payload.drawn
         m.d.comb += i.ready.eq(go & load)
         with m.If(go & load):
-            m.d.sync += [busy.eq(i.valid), row.eq(i.payload), final.eq((i.payload.following == 0) | ~i.payload.drawn)]
+            m.d.sync += [busy.eq(i.valid), row.eq(i.payload), final.eq(ends), load.eq(~i.valid | ends)]
         with m.Elif(go):
             m.d.sync += [row[f"e{k}"].eq(row[f"e{k}"] + row[f"a{k}"]) for k in (1, 2)]
-            m.d.sync += [row.x.eq(row.x + 1), row.following.eq(row.following - 1), final.eq(row.following == 1)]
+            m.d.sync += [row.x.eq(row.x + 1), row.following.eq(row.following - 1), final.eq(row.following == 1), load.eq(row.following == 1)]
         edge = {name: Cat(row[f"fraction{k}"], row[f"e{k}"])[: self.sizes.area] for k, name in ((1, "l_ca"), (2, "l_ab"))}
         return {"x": row.x, "y": row.y, "drawn": row.drawn, "last": row.last & final} | edge, busy
 

@@ -13,6 +13,7 @@ from amaranth.lib import data, stream, wiring
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 
+from luxel.errors import InputError
 from luxel.hardware.rtl.pipeline import Operator, Pipeline, Timed
 
 
@@ -22,7 +23,8 @@ class Fifo(wiring.Component):
     Args:
         shape: Of the payloads.
         depth: How many are kept, beside the one at the end.
-        late: Pushes to expect after the first clock on which `room` is low; with depth >= 2 late, what reads can go on on every clock.
+        late: Pushes to expect after the first clock on which `room` is low, and one more, for what is pushed is registered first; with
+            depth >= 2 late, what reads can go on on every clock.
 
     Attributes:
         push: `data` is taken on this clock.
@@ -30,9 +32,9 @@ class Fifo(wiring.Component):
         o: Stream out.
     """
 
-    def __init__(self, shape: Any, depth: int = 4, late: int = 2) -> None:
+    def __init__(self, shape: Any, depth: int = 6, late: int = 3) -> None:
         if depth < 2 * late:
-            raise ValueError(f"depth: expected at least {2 * late}, got {depth}")
+            raise InputError(f"depth: expected at least {2 * late}, got {depth}")
         self.shape, self.depth, self.late = shape, depth, late
         super().__init__({"push": In(1), "data": In(shape), "room": Out(1), "o": Out(stream.Signature(shape))})
 
@@ -42,15 +44,18 @@ class Fifo(wiring.Component):
         m.submodules.memory = memory = Memory(shape=self.shape, depth=self.depth, init=[])
         write, read = memory.write_port(), memory.read_port(domain="comb")
         level = Signal(range(self.depth + 1))
-        take = Signal()
+        some, push, take = Signal(), Signal(), Signal()
+        data_in = Signal(self.shape, name="data_in", reset_less=True)
+        following = Signal.like(level)
         m.d.comb += [
             self.room.eq(level <= self.depth - self.late),
-            write.en.eq(self.push),
-            write.data.eq(self.data),
-            take.eq((level != 0) & (~self.o.valid | self.o.ready)),
+            write.en.eq(push),
+            write.data.eq(data_in),
+            take.eq(some & (~self.o.valid | self.o.ready)),
+            following.eq(level + push - take),
         ]
-        m.d.sync += level.eq(level + self.push - take)
-        with m.If(self.push):
+        m.d.sync += [push.eq(self.push), data_in.eq(self.data), level.eq(following), some.eq(following != 0)]
+        with m.If(push):
             m.d.sync += write.addr.eq(Mux(write.addr == self.depth - 1, 0, write.addr + 1))
         with m.If(take):
             m.d.sync += [read.addr.eq(Mux(read.addr == self.depth - 1, 0, read.addr + 1)), self.o.payload.eq(read.data), self.o.valid.eq(1)]
@@ -77,7 +82,7 @@ class Streamed(wiring.Component):
 
     def __init__(self, operator: Operator) -> None:
         self.operator = operator
-        self.latency = operator.latency + 2
+        self.latency = operator.latency + 3
         shapes = [data.StructLayout({key: signal.shape() for key, signal in part.items()}) for part in (operator.i, operator.o)]
         super().__init__({"i": In(stream.Signature(shapes[0])), "o": Out(stream.Signature(shapes[1]))})
 

@@ -120,7 +120,7 @@ class Interpolator(wiring.Component):
         m = Module()
         m.submodules.set_up = self.set_up
         m.submodules.colors = colors = Fifo(self.colors, self.triangles)
-        m.submodules.inverses = inverses = Fifo(self.precision.reciprocal_format.bits, self.triangles + 2)
+        m.submodules.inverses = inverses = Fifo(self.precision.reciprocal_format.bits, self.triangles + 3)
         self._take(m, colors)
         self._invert(m, inverses)
         self._shade(m, connected(m, self.sizes, self.set_up.o), colors, inverses)
