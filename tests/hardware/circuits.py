@@ -1,6 +1,7 @@
 """Vectors for circuits, and Verilog in Icarus."""
 
 import subprocess
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,7 +15,8 @@ from luxel.hardware.synthesis import tools
 def corner_words(f):
     """Zeros (of either sign, and not canonical), the smallest, the largest, one and its neighbours, ties: of both signs."""
     one, unit = f.bias << f.fraction, 1 << f.fraction
-    words = [0, 1, unit - 1, unit, unit + 1, one - 1, one, one + 1, one + unit // 2, one + unit - 1, f.largest - 1, f.largest, one + (f.fraction + 2) * unit]
+    around_one = [one - 1, one, one + 1, one + unit // 2, one + unit - 1, one + (f.fraction + 2) * unit]
+    words = [0, 1, unit - 1, unit, unit + 1, *around_one, f.largest - 1, f.largest]
     return np.array(words + [word | 1 << f.bits - 1 for word in words], np.uint32)
 
 
@@ -55,10 +57,14 @@ def columns(corners, words=None):
 
 def in_icarus(design, inputs, count, folder, seed=1, **ports):
     """Run a design's Verilog with random stalls at both ends; the fields of what leaves."""
-    write(design, folder)
-    component = design.make()
-    layouts = component.i.payload.shape(), component.o.payload.shape()
-    component.elaborate(None)
+    layouts = []
+
+    def make():
+        component = design.make()
+        layouts.extend((component.i.payload.shape(), component.o.payload.shape()))
+        return component
+
+    write(replace(design, make=make), folder)
     total = sum((np.asarray(inputs[key], object) & (1 << f.width) - 1) << f.offset for key, f in layouts[0])
     (folder / "in.hex").write_text("".join(f"{value:x}\n" for value in total))
     wired = "".join(f", .{name}({value})" for name, value in ports.items())

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from luxel.studies.hardware import accuracy, pictures, tables
+from luxel.studies.hardware import accuracy, circuit, pictures, tables
 from luxel.studies.report import Report
 from luxel.studies.study import Context, Study
 
 PAPER = "A hardware triangle colourer by barycentric interpolation (2016)"
 PARTS: tuple[Callable[[Context, Report], None], ...] = (
     tables.formats, tables.smallest_tables, tables.bits_and_error, accuracy.widths, accuracy.families, accuracy.area,
-    pictures.blocks_table, pictures.shown,
+    pictures.blocks_table, pictures.shown, circuit.modules,
 )  # fmt: skip
 """What is measured, in the order of the report."""
 
