@@ -15,7 +15,7 @@ from luxel.radiosity.luxels import Luxels
 from luxel.radiosity.occlusion import Masks, prepare
 from luxel.radiosity.patches import Tree, build_tree
 from luxel.radiosity.solve import Problem, Source, source_of
-from luxel.radiosity.transport import AREA, GX, GZ, NX, NZ, PX, PZ, UX, UZ, VX, VZ, Elements, Occluders
+from luxel.radiosity.transport import AREA, GX, GZ, NX, NZ, PX, PZ, UX, UZ, VX, VZ, Occluders, elements_of
 from luxel.raster.bin import MASK, OPAQUE
 from luxel.raster.geometry import Geometry
 
@@ -45,9 +45,9 @@ class Quality(NamedTuple):
 
 
 QUALITIES = {
-    "draft": Quality(8, 16, 32, 64, 5e-3),
-    "normal": Quality(6, 64, 64, 128),
-    "final": Quality(4, 256, 64, 128),
+    "draft": Quality(12, 16, 32, 64, 5e-3),
+    "normal": Quality(8, 64, 64, 128),
+    "final": Quality(5, 256, 64, 128),
 }
 
 
@@ -145,7 +145,7 @@ def cut(atlas: Atlas, geometry: Geometry, luxels: Luxels, valid: Array, two_side
     numbers = np.concatenate([numbers[:, fronts], _turned(numbers[:, backs])], 1)
     extent = (quality.patch * np.sqrt(numbers[AREA] / np.maximum(luxels.coverage[luxel], 0.05))).astype(np.float32)
     tree = build_tree(np.ascontiguousarray(numbers[PX : PZ + 1].T), np.ascontiguousarray(numbers[GX : GZ + 1].T), numbers[AREA], extent)
-    elements = Elements(_in_tree_order(tree, numbers))
+    elements = elements_of(_in_tree_order(tree, numbers))
     patches = source_of(tree, elements.numbers, quality.resolution)
     albedo = np.ascontiguousarray(luxels.albedo[luxel][tree.order].T)
     shining = np.flatnonzero(luxels.emission[fronts].sum(1) > 0)

@@ -14,7 +14,7 @@ from luxel.radiosity.hemicube import frames_of
 from luxel.radiosity.nearest import nearest
 from luxel.radiosity.occlusion import Occlusion
 
-_FIRST, _ALL = 8, 40  # rays, of which all are cast only where the first ones see any back
+_FIRST, _ALL = 4, 24  # rays, of which all are cast only where the first ones see any back
 _CHUNK = 512
 
 

@@ -26,7 +26,7 @@ from luxel.radiosity.occlusion import Occlusion, occluded
 from luxel.radiosity.patches import Tree
 from luxel.radiosity.transfer import polygon_factor
 
-BLOCK = 256
+BLOCK = 128
 """Elements that a thread works on at a time."""
 
 # Rows of `Elements.numbers`.
@@ -45,9 +45,11 @@ class Elements(NamedTuple):
 
     Attributes:
         numbers: (16, n) float32: position, normal (shading), normal of the surface, area, and the element's sides u and v as vectors, metres.
+        bounds: (blocks, 8) float32: of each `BLOCK` of them: the centre and radius of a ball about their positions, and of their surfaces' normals.
     """
 
     numbers: Array
+    bounds: Array
 
 
 class Occluders(NamedTuple):
@@ -80,6 +82,31 @@ class Shooters(NamedTuple):
     node: Array
     centers: Array
     frames: Array
+
+
+def elements_of(numbers: Array) -> Elements:
+    """Elements with their bounds; `numbers` (16, n) float32."""
+    starts = np.arange(0, numbers.shape[1], BLOCK)
+    bounds = np.empty((len(starts), 8), np.float32)
+    sizes = np.diff(np.append(starts, numbers.shape[1]))
+    for first, column in ((PX, 0), (GX, 4)):
+        values = numbers[first : first + 3].astype(np.float64)
+        center = (np.minimum.reduceat(values, starts, 1) + np.maximum.reduceat(values, starts, 1)) / 2
+        distance = np.sqrt(((values - np.repeat(center, sizes, 1)) ** 2).sum(0))
+        bounds[:, column : column + 3] = center.T
+        bounds[:, column + 3] = np.maximum.reduceat(distance, starts) * (1 + 1e-5) + 1e-6  # rounding included
+    return Elements(numbers, bounds)
+
+
+@jit.inlined
+def _all_averted(bounds, center, frame):
+    """Whether no element of a block can be in front of the shooter and face it."""
+    x, y, z, radius = bounds[0] - center[0], bounds[1] - center[1], bounds[2] - center[2], bounds[3]
+    if frame[2, 0] * x + frame[2, 1] * y + frame[2, 2] * z < -radius:
+        return True
+    facing = -(bounds[4] * x + bounds[5] * y + bounds[6] * z)
+    length = np.sqrt(bounds[4] * bounds[4] + bounds[5] * bounds[5] + bounds[6] * bounds[6]) + bounds[7]
+    return facing + bounds[7] * np.sqrt(x * x + y * y + z * z) + radius * length < _F(0.0)
 
 
 @jit.inlined
@@ -204,27 +231,31 @@ def _parted(plane, x, y, z, center, margin):
     return (point < -margin and shooter > _F(0.0)) or (point > margin and shooter < _F(0.0))
 
 
-@jit.part
+@jit.inlined
 def _seen_fraction(i, at, resolution, center, near, c, depth, ids, planes):
     """How much of element `i`, 0..1, is seen by the four pixels from element `at` of the item buffer on."""
-    x, y, z = c[_X + i], c[_Y + i], c[_Z + i]
-    wx, wy, seen = c[_WX + i], c[_WY + i], _F(0.0)
-    for k in range(4):
-        right, down = k & 1, k >> 1
-        pixel = at + np.uint64(down * resolution + right)
-        limit = max(c[_LIMIT + i] + _F(right) * c[_LIMIT_X + i] + _F(down) * c[_LIMIT_Y + i], c[_LEAST + i])
-        if depth[pixel] <= limit or not _parted(planes[ids[pixel]], x, y, z, center, near):
-            seen += (wx if right else _F(1.0) - wx) * (wy if down else _F(1.0) - wy)
-    return seen
-
-
-@jit.inlined
-def _all_see(i, at, resolution, c, depth):
-    """Whether all four pixels see the element at the first glance: the common case."""
     limit, across, down, least = c[_LIMIT + i], c[_LIMIT_X + i], c[_LIMIT_Y + i], c[_LEAST + i]
     below, one = at + np.uint64(resolution), np.uint64(1)
-    see = (depth[at] <= max(limit, least)) & (depth[at + one] <= max(limit + across, least))
-    return see & (depth[below] <= max(limit + down, least)) & (depth[below + one] <= max(limit + across + down, least))
+    s0, s1 = depth[at] <= max(limit, least), depth[at + one] <= max(limit + across, least)
+    s2, s3 = depth[below] <= max(limit + down, least), depth[below + one] <= max(limit + across + down, least)
+    if s0 & s1 & s2 & s3:  # at the first glance: the common case
+        return _F(1.0)
+    x, y, z = c[_X + i], c[_Y + i], c[_Z + i]
+    t0, t1, t2, t3 = ids[at], ids[at + one], ids[below], ids[below + one]
+    if (t0 == t1) & (t0 == t2) & (t0 == t3):  # and the next
+        if not _parted(planes[t0], x, y, z, center, near):
+            return _F(1.0)
+        if not (s0 | s1 | s2 | s3):
+            return _F(0.0)
+    else:
+        s0 = s0 or not _parted(planes[t0], x, y, z, center, near)
+        s1 = s1 or not (t1 == t0 if not s0 and t0 == t1 else _parted(planes[t1], x, y, z, center, near))
+        s2 = s2 or not (t2 == t0 if not s0 and t0 == t2 else _parted(planes[t2], x, y, z, center, near))
+        s3 = s3 or not (t3 == t1 if not s1 and t3 == t1 else _parted(planes[t3], x, y, z, center, near))
+    wx, wy = c[_WX + i], c[_WY + i]
+    upper = (_F(1.0) - wx if s0 else _F(0.0)) + (wx if s1 else _F(0.0))
+    lower = (_F(1.0) - wx if s2 else _F(0.0)) + (wx if s3 else _F(0.0))
+    return upper * (_F(1.0) - wy) + lower * wy
 
 
 @jit.part
@@ -240,14 +271,14 @@ def _may_meet(box, center, x, y, z):
 
 
 @jit.parallel_kernel
-def _fill_rows(queue, numbers, span, child, place, source, nodes, centers, frames, start, resolutions, depth, ids, near,
+def _fill_rows(queue, numbers, bounds, span, child, place, source, nodes, centers, frames, start, resolutions, depth, ids, near,
                planes, masked, slots, rows, sums):  # fmt: skip
     n = numbers.shape[1]
     blocks = (n + BLOCK - 1) // BLOCK
     own_c, own_list = np.zeros(_SCRATCH, np.float32), np.empty(BLOCK + 1, np.uint64)
     own_stack, own_corners = np.empty(_DEEPEST, np.int32), np.empty((4, 3))
     c, listed, stack, corners = jit.borrow(own_c), jit.borrow(own_list), jit.borrow(own_stack), jit.borrow(own_corners)
-    numbers, span, child, place = jit.borrow(numbers), jit.borrow(span), jit.borrow(child), jit.borrow(place)
+    numbers, bounds, span, child, place = jit.borrow(numbers), jit.borrow(bounds), jit.borrow(span), jit.borrow(child), jit.borrow(place)
     source, depth, ids, planes, rows = jit.borrow(source), jit.borrow(depth), jit.borrow(ids), jit.borrow(planes), jit.borrow(rows)
     centers, frames, masked = jit.borrow(centers), jit.borrow(frames), jit.borrow(masked)
     any_masked = len(masked.link) > 0
@@ -262,6 +293,9 @@ def _fill_rows(queue, numbers, span, child, place, source, nodes, centers, frame
             node, row, center, resolution, total = nodes[s], rows[slots[s]], centers[s], resolutions[s], 0.0
             for i in range(first, first + count):
                 row[i] = 0
+            if _all_averted(bounds[block], center, frames[s]):
+                sums[s, block] = 0.0
+                continue
             _aim(count, center, frames[s], place[node], resolution, near, c)
             found = np.uint64(0)
             for i in range(np.uint64(0), np.uint64(count)):
@@ -270,11 +304,10 @@ def _fill_rows(queue, numbers, span, child, place, source, nodes, centers, frame
             near2 = _FAR * place[node, 3] * place[node, 3]
             for k in range(np.uint64(0), found):
                 i = listed[k]
-                at, v = np.uint64(start[s]) + np.uint64(float_bits(c[_AT + i])), _F(1.0)
-                if not _all_see(i, at, resolution, c, depth):
-                    v = _seen_fraction(i, at, resolution, center, near, c, depth, ids, planes)
-                    if v == _F(0.0):
-                        continue
+                at = np.uint64(start[s]) + np.uint64(float_bits(c[_AT + i]))
+                v = _seen_fraction(i, at, resolution, center, near, c, depth, ids, planes)
+                if v == _F(0.0):
+                    continue
                 x, y, z = c[_X + i], c[_Y + i], c[_Z + i]
                 if any_masked and _may_meet(masked.box[0], center, x, y, z) and _hidden(masked, center, x, y, z):
                     continue
@@ -348,8 +381,8 @@ def fill_rows(elements: Elements, tree: Tree, source: Array, shooters: Shooters,
     count, n = len(shooters.node), elements.numbers.shape[1]
     sums = np.empty((count, -(-n // BLOCK)))
     jit.run(
-        _fill_rows, threads, elements.numbers, tree.span, tree.child, tree.place, source, shooters.node, shooters.centers, shooters.frames,
-        seen.start, seen.resolution, seen.depth, seen.ids, np.float32(seen.near), occluders.planes, occluders.masked, slots, rows, sums,
+        _fill_rows, threads, *elements, tree.span, tree.child, tree.place, source, *shooters, seen.start,
+        seen.resolution, seen.depth, seen.ids, np.float32(seen.near), occluders.planes, occluders.masked, slots, rows, sums,
     )  # fmt: skip
     sizes = sorted(set(seen.resolution.tolist()))
     deltas = [delta_form_factors(size).ravel() for size in sizes]
