@@ -16,6 +16,7 @@ import numpy as np
 
 from luxel import jit
 from luxel.arrays import Array
+from luxel.raster.bin import Clipped
 from luxel.raster.channels import (
     BATCH,
     CR,
@@ -39,6 +40,7 @@ from luxel.raster.channels import (
     VY,
     VZ,
 )  # fmt: skip
+from luxel.raster.geometry import Geometry
 from luxel.raster.lanes import prefetch
 from luxel.raster.materials import NEEDS_COLOR, NEEDS_FACE, NEEDS_NORMAL, NEEDS_TANGENT, NEEDS_UV0, NEEDS_UV1, NEEDS_VIEW
 from luxel.raster.rows import derivative, fill, inverse_ramp, ramp, scaled_ramp
@@ -56,6 +58,29 @@ class Eye(NamedTuple):
     place: Array
     direction: Array
     parallel: bool
+
+
+class Drawn(NamedTuple):
+    """What is drawn, and where it lies on the screen.
+
+    Attributes:
+        geometry: Of the whole scene.
+        screen: (n, 4) int32, from `project`.
+        screen_f: (n, 4) float32, the same bits.
+        clipped: From `clip`.
+        clipped_f: `clipped.screen` as float32, the same bits.
+    """
+
+    geometry: Geometry
+    screen: Array
+    screen_f: Array
+    clipped: Clipped
+    clipped_f: Array
+
+
+def drawn(geometry: Geometry, screen: Array, clipped: Clipped) -> Drawn:
+    """All of `Drawn`."""
+    return Drawn(geometry, screen, screen.view(np.float32), clipped, clipped.screen.view(np.float32))
 
 
 # Rows of the batch that only this file uses. Of fragments: 1 / sum of s_i. Of triangles to set up: corners (x, y in fixed point from the
@@ -131,12 +156,13 @@ def find_part(starts, t):
 
 
 @jit.part
-def load_corners(g, count, drawn, sources, px, py, triangles, screen, screen_f, clipped_source, clipped_screen, clipped_f, normals):
+def load_corners(g, count, numbers, sources, px, py, drawn):
     """Load the corners of `count` triangles into the batch, and their source triangle and vertices into `sources` (>= count, 4) int32."""
-    m = len(triangles)
+    triangles, normals, screen, screen_f = drawn.geometry.triangles, drawn.geometry.normals, drawn.screen, drawn.screen_f
+    clipped_source, clipped_screen, clipped_f, m = drawn.clipped.source, drawn.clipped.screen, drawn.clipped_f, len(triangles)
     ox, oy = np.int32(px * 256), np.int32(py * 256)
     for i in range(count):
-        t = drawn[i]
+        t = numbers[i]
         source = t if t < m else clipped_source[t - m]
         sources[i, 0] = source
         for k in range(3):
@@ -145,13 +171,13 @@ def load_corners(g, count, drawn, sources, px, py, triangles, screen, screen_f, 
             prefetch(screen, np.int64(vertex) * 4)
             prefetch(normals, np.int64(vertex) * 3)
     for i in range(np.uint64(0), np.uint64(count)):
-        if drawn[i] < m:
+        if numbers[i] < m:
             a, b, c = np.uint64(sources[i, 1]), np.uint64(sources[i, 2]), np.uint64(sources[i, 3])
             g[_X0 + i], g[_Y0 + i], g[_W0 + i] = _F(np.int32(screen[a, 0] - ox)), _F(np.int32(screen[a, 1] - oy)), screen_f[a, 3]
             g[_X1 + i], g[_Y1 + i], g[_W1 + i] = _F(np.int32(screen[b, 0] - ox)), _F(np.int32(screen[b, 1] - oy)), screen_f[b, 3]
             g[_X2 + i], g[_Y2 + i], g[_W2 + i] = _F(np.int32(screen[c, 0] - ox)), _F(np.int32(screen[c, 1] - oy)), screen_f[c, 3]
         else:
-            k = drawn[i] - m
+            k = numbers[i] - m
             for corner in range(3):
                 row = np.uint64(X0 + 3 * corner * PITCH) + i
                 g[row], g[row + np.uint64(PITCH)] = _F(clipped_screen[k, corner, 0] - ox), _F(clipped_screen[k, corner, 1] - oy)
@@ -200,18 +226,19 @@ def store_face(record, positions, a, b, c):
 
 
 @jit.part
-def set_up(g, first, last, setups, px, py, tile, geometry, screen, screen_f, clipped, clipped_f, features, rich):
+def set_up(g, first, last, setups, px, py, tile, drawn, features, rich):
     """Store the planes of the triangles that are set up at first .. last - 1."""
+    geometry, clipped = drawn.geometry, drawn.clipped
     positions, normals, colors, tangents = geometry.positions, geometry.normals, geometry.colors, geometry.tangents
     texcoords, texcoords1, part_material = geometry.texcoords, geometry.texcoords1, geometry.part_material
-    drawn, sources, starts, part, m = setups.triangle[first:], setups.sources, geometry.part_start, 0, len(geometry.triangles)
-    load_corners(g, last - first, drawn, sources, px, py, geometry.triangles, screen, screen_f, clipped.source, clipped.screen, clipped_f, normals)
+    numbers, sources, starts, part, m = setups.triangle[first:], setups.sources, geometry.part_start, 0, len(geometry.triangles)
+    load_corners(g, last - first, numbers, sources, px, py, drawn)
     find_planes(g, last - first, np.float64(tile * 256))
     for i in range(np.uint64(0), np.uint64(last - first)):
         record = setups.stored[np.uint64(first) + i]
         p = (g[_A0 + i], g[_A1 + i], g[_A2 + i], g[_B0 + i], g[_B1 + i], g[_B2 + i], g[_C0 + i], g[_C1 + i], g[_C2 + i])
-        if drawn[i] >= m:
-            p = source_planes(p, clipped.corners[drawn[i] - m])
+        if numbers[i] >= m:
+            p = source_planes(p, clipped.corners[numbers[i] - m])
         source, a, b, c = sources[i, 0], np.uint64(sources[i, 1]), np.uint64(sources[i, 2]), np.uint64(sources[i, 3])
         if source < starts[part] or source >= starts[part + 1]:
             part = find_part(starts, source)

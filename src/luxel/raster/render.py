@@ -25,7 +25,7 @@ from luxel.raster.bin import BLEND, MASK, NO_CLIPPED, OPAQUE, Bins, bin_triangle
 from luxel.raster.clip import clip
 from luxel.raster.constants import MAX_SIZE, SAMPLE_COUNTS, SUBPIXEL, sample_pattern
 from luxel.raster.cover import cover
-from luxel.raster.fragments import NEEDS_POSITION, Eye
+from luxel.raster.fragments import NEEDS_POSITION, Eye, drawn
 from luxel.raster.geometry import Geometry, flatten
 from luxel.raster.lanes import LANES
 from luxel.raster.lighting import LightTable, pack_lights
@@ -35,7 +35,8 @@ from luxel.raster.outputs import SHAPES, Outputs, write_outputs
 from luxel.raster.picture import Picture
 from luxel.raster.project import View, Window, project
 from luxel.raster.resolve import FILTERS, filter_taps, resolve
-from luxel.raster.shade import Target, light_vertices, shade
+from luxel.raster.runs import Samples
+from luxel.raster.shade import Look, Target, Tiles, light_vertices, shade
 from luxel.scene.camera import Camera
 from luxel.scene.framing import camera_for
 from luxel.scene.scene import Scene
@@ -359,16 +360,19 @@ def _warm_up(prepared: Prepared, seen: _View, options: Options, target: Target) 
     if child is None:
         return
     try:
-        nothing = Bins(np.zeros(1, np.int32), np.zeros(0, np.int32), 0, 0, options.tile)
-        shade(nothing, np.zeros(0, np.uint8), 0, 0, 1, 1, np.empty((0, 1), np.int32), options.positions, options.ssaa > 1, seen.geometry,
-              np.empty((0, 4), np.int32), NO_CLIPPED, prepared.materials, seen.lights, seen.eye, seen.features, 1.0, options.fill, 0, 0,
-              target, 1)  # fmt: skip
+        nothing = drawn(seen.geometry, np.empty((0, 4), np.int32), NO_CLIPPED)
+        tiles, samples = Tiles(0, 0, 0, options.tile, 1, 1, 0, 0), Samples(options.positions, options.ssaa > 1)
+        shade(tiles, np.zeros(0, np.uint8), np.empty((0, 1), np.int32), samples, nothing, _look(prepared, seen, options), target, 1)
         child.wait(60)
     except subprocess.TimeoutExpired:
         pass
     finally:
         child.kill()
         child.wait()
+
+
+def _look(prepared: Prepared, seen: _View, options: Options) -> Look:
+    return Look(prepared.materials, seen.lights, seen.eye, seen.features, np.float32(2.0**options.exposure), options.fill)
 
 
 class _Clock:
@@ -412,6 +416,7 @@ class _Band:
                  options: Options, target: Target, outputs: Outputs, clock: _Clock, screen: Array, clipped: Any,
                  bins: dict[int, Bins]) -> None:  # fmt: skip
         self.materials, self.seen, self.window, self.keep, self.place, self.options = prepared.materials, seen, window, keep, place, options
+        self.drawn, self.look = drawn(seen.geometry, screen, clipped), _look(prepared, seen, options)
         self.target, self.outputs, self.clock = target, outputs, clock
         self.screen, self.clipped, self.bins = screen, clipped, bins
         self.colored = len(target.color) > 0 or len(target.linear) > 0
@@ -473,9 +478,8 @@ class _Band:
             modelled.shade(self.hardware, self.bins[OPAQUE], occupied, first, last, w.width, w.height, ids, o.positions, o.ssaa > 1,
                            seen.geometry, self.screen, self.clipped, blend, target.samples, o.threads or 1)  # fmt: skip
             return
-        shade(self.bins[OPAQUE], occupied, first, last, w.width, w.height, ids, o.positions, o.ssaa > 1, seen.geometry, self.screen,
-              self.clipped, self.materials, seen.lights, seen.eye, seen.features, 2.0**o.exposure, o.fill, *self.place, target,
-              o.threads or 1)  # fmt: skip
+        tiles = Tiles(first, last, self.bins[OPAQUE].across, o.tile, w.width, w.height, *self.place)
+        shade(tiles, occupied, ids, Samples(o.positions, o.ssaa > 1), self.drawn, self.look, target, o.threads or 1)
 
     def _blend(self, first: int, last: int, ids: Array, depths: Array, target: Target) -> None:
         peeled = reusable(ids.shape, np.int32)

@@ -73,6 +73,26 @@ class Setups(NamedTuple):
     mean: Array
 
 
+class Cursor(NamedTuple):
+    """How far a tile has been gathered: triangles that are set up, sample plane, pixel of it."""
+
+    setups: int
+    plane: int
+    pixel: int
+
+
+class Samples(NamedTuple):
+    """Where samples lie, and which are shaded.
+
+    Attributes:
+        pattern: (s, 2) int32, 1/256 pixel.
+        every: Supersampling: sample planes are pictures of their own; else all planes make one.
+    """
+
+    pattern: Array
+    every: bool
+
+
 @jit.inlined
 def find(t, setups, count, triangles):
     """Where triangle `t` is set up, and the number of set-ups with it; a new one's indices are asked for ahead of their use."""
@@ -137,17 +157,18 @@ def mean_place(bits, mean, pattern):
 
 
 @jit.part
-def gather(r, setups, count, plane, cursor, ids, pattern, every_sample, tile, wide, high, triangles):
-    """The runs of a tile from pixel `cursor` of sample plane `plane` on, until a batch is full.
+def gather(r, setups, at, ids, samples_at, tile, wide, high, triangles):
+    """The runs of a tile from `at`, a Cursor, on, until a batch is full.
 
     Args:
-        count: Triangles that are set up.
         ids: The tile's ids.
-        every_sample: Sample planes are pictures of their own; else all planes make one.
+        samples_at: Samples.
+        tile, wide, high: Its side, and how much of it is in the picture.
 
     Returns:
-        (fragments, runs, triangles set up, next plane, next pixel); the tile is done when the plane is the last one's successor.
+        (fragments, runs, Cursor); the tile is done when the plane is the last one's successor.
     """
+    (count, plane, cursor), (pattern, every_sample) = at, samples_at
     n, runs, samples, pixels = 0, 0, len(pattern), tile * tile
     joint = samples > 1 and not every_sample
     most = samples if joint else 1  # fragments of a pixel
@@ -198,4 +219,4 @@ def gather(r, setups, count, plane, cursor, ids, pattern, every_sample, tile, wi
             cursor += tile - wide
         if cursor >= tile * high:
             plane, cursor = plane + 1, 0
-    return n, runs, count, plane, cursor
+    return n, runs, Cursor(count, plane, cursor)

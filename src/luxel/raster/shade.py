@@ -14,16 +14,15 @@ import numpy as np
 from luxel import jit
 from luxel.arrays import Array
 from luxel.jit import count_bits, lowest_bit
-from luxel.raster.bin import Bins, Clipped
 from luxel.raster.channels import CR, EB, EG, ER, FRAGMENTS, FRONT, LE, NX, OA, OB, OG, OR, PITCH, PX, TX
 from luxel.raster.encode import encode, pack, srgb_code, unit_code
-from luxel.raster.fragments import SIZE, STORED, Eye, attributes, set_up, view_vectors
+from luxel.raster.fragments import SIZE, STORED, Drawn, Eye, attributes, set_up, view_vectors
 from luxel.raster.geometry import Geometry
 from luxel.raster.lanes import LANES
 from luxel.raster.lighting import LightTable, light
 from luxel.raster.materials import MaterialTable
 from luxel.raster.rows import WORD, copy
-from luxel.raster.runs import MOST_SAMPLES, SETUPS, Runs, Setups, gather, mean_places
+from luxel.raster.runs import MOST_SAMPLES, SETUPS, Cursor, Runs, Samples, Setups, gather, mean_places
 from luxel.raster.surface import surface
 
 _F = np.float32
@@ -44,6 +43,43 @@ class Target(NamedTuple):
     color: Array
     linear: Array
     samples: Array
+
+
+class Tiles(NamedTuple):
+    """Tiles `first` .. `last` - 1 of a window.
+
+    Attributes:
+        across: Tiles in a row of the window.
+        side: Of a tile, in pixels.
+        width, height: Of the window.
+        left, top: Where the window lies in the target.
+    """
+
+    first: int
+    last: int
+    across: int
+    side: int
+    width: int
+    height: int
+    left: int
+    top: int
+
+
+class Look(NamedTuple):
+    """How fragments get their colours.
+
+    Attributes:
+        features: The rows of a batch to fill: NEEDS_* of `materials`, and NEEDS_POSITION.
+        exposure: float32, factor of the light.
+        background: (4,) float32, linear and premultiplied.
+    """
+
+    materials: MaterialTable
+    lights: LightTable
+    eye: Eye
+    features: int
+    exposure: np.float32
+    background: Array
 
 
 @jit.part
@@ -175,11 +211,11 @@ def write_tile(sums, empty, tile, px, py, wide, high, exposure, background, colo
 
 
 @jit.parallel_kernel
-def _shade(queue, first_tile, last_tile, across, tile, width, height, occupied, all_ids, pattern, every_sample, geometry, screen, screen_f,
-           clipped, clipped_f, materials, lights, eye, features, rich, footprint, exposure, background, left, top, target, mean):  # fmt: skip
-    geometry, clipped, materials, lights = jit.borrow(geometry), jit.borrow(clipped), jit.borrow(materials), jit.borrow(lights)
-    screen, screen_f, clipped_f, pattern = jit.borrow(screen), jit.borrow(screen_f), jit.borrow(clipped_f), jit.borrow(pattern)
-    ids, eye, background, target = jit.borrow(all_ids), jit.borrow(eye), jit.borrow(background), jit.borrow(target)
+def _shade(queue, tiles, occupied, all_ids, all_samples, mean, all_drawn, look, rich, footprint, target):
+    ids, samples_at, drawn, target = jit.borrow(all_ids), jit.borrow(all_samples), jit.borrow(all_drawn), jit.borrow(target)
+    materials, lights, eye, features, exposure, background = jit.borrow(look)
+    geometry, (pattern, every_sample) = drawn.geometry, samples_at
+    first_tile, last_tile, across, tile, width, height, left, top = tiles
     samples, pixels = len(pattern), tile * tile
     own_g, own_sums, own_codes = np.empty(SIZE, np.float32), np.zeros(4 * pixels, np.float32), np.empty(FRAGMENTS + LANES, np.uint32)
     own_g[TX : TX + 4 * PITCH] = _F(0.0)  # where meshes have no tangents
@@ -211,14 +247,11 @@ def _shade(queue, first_tile, last_tile, across, tile, width, height, occupied, 
             sums[:] = _F(0.0)
         if direct:
             write_tile(sums, True, tile, left + px, top + py, wide, high, exposure, background, target.color, target.linear)
-        count, plane, cursor = 0, planes if empty else 0, 0
-        while plane < planes:
-            if count + FRAGMENTS > SETUPS:
-                count = 0
-            known = count
-            n, runs, count, plane, cursor = gather(r, setups, count, plane, cursor, ids[slot], pattern, every_sample, tile, wide, high,
-                                                   geometry.triangles)  # fmt: skip
-            set_up(g, known, count, setups, px, py, tile, geometry, screen, screen_f, clipped, clipped_f, features, rich)
+        at = Cursor(0, planes if empty else 0, 0)
+        while at.plane < planes:
+            known = at.setups if at.setups + FRAGMENTS <= SETUPS else 0
+            n, runs, at = gather(r, setups, Cursor(known, at.plane, at.pixel), ids[slot], samples_at, tile, wide, high, geometry.triangles)
+            set_up(g, known, at.setups, setups, px, py, tile, drawn, features, rich)
             attributes(g, r, runs, n, material, setups, parts, tangents, features, footprint, eye, rich)
             surface(g, material, n, materials, rich)
             light(g, n, lights, rich)
@@ -235,28 +268,18 @@ def _shade(queue, first_tile, last_tile, across, tile, width, height, occupied, 
     own_g[0] = len(own_sums) + len(own_runs.head) + len(own_setups.table) + len(own_codes) + len(own_material)
 
 
-def shade(bins: Bins, occupied: Array, first_tile: int, last_tile: int, width: int, height: int, ids: Array, pattern: Array,
-          every_sample: bool, geometry: Geometry, screen: Array, clipped: Clipped, materials: MaterialTable, lights: LightTable, eye: Eye,
-          features: int, exposure: float, background: Array, left: int, top: int, target: Target, threads: int) -> None:  # fmt: skip
-    """Shade tiles first_tile .. last_tile - 1.
+def shade(tiles: Tiles, occupied: Array, ids: Array, samples: Samples, drawn: Drawn, look: Look, target: Target, threads: int) -> None:
+    """Shade `tiles`.
 
     Args:
-        bins: Their size and number across.
         occupied: (tiles,) uint8 of the whole window, 0 where no triangle may be and ids are not to be read.
-        ids: (tiles, ...) int32, from `cover` or `layer`.
-        every_sample: Supersampling: every sample is shaded, as if it were a pixel of a finer picture.
-        features: The rows of a batch to fill: NEEDS_* of `materials`, and NEEDS_POSITION.
-        exposure: Factor of the light.
-        background: (4,) float32, linear and premultiplied.
-        left, top: Where the window lies in the target.
+        ids: (tiles, ...) int32 of these tiles, from `cover` or `layer`.
         target: What is written.
     """
-    footprint = _F(1 / math.sqrt(len(pattern)) if every_sample else 1)
-    jit.run(
-        _shade, min(threads, last_tile - first_tile), first_tile, last_tile, bins.across, bins.tile, width, height, occupied, ids, pattern,
-        every_sample, geometry, screen, screen.view(np.float32), clipped, clipped.screen.view(np.float32), materials, lights, eye, features,
-        True if materials.rich else None, footprint, _F(exposure), background, left, top, target, mean_places(pattern),
-    )  # fmt: skip
+    footprint = _F(1 / math.sqrt(len(samples.pattern)) if samples.every else 1)
+    rich = True if look.materials.rich else None
+    jit.run(_shade, min(threads, tiles.last - tiles.first), tiles, occupied, ids, samples, mean_places(samples.pattern), drawn, look, rich,
+            footprint, target)  # fmt: skip
 
 
 @jit.parallel_kernel
