@@ -42,7 +42,8 @@ def shade(interpolate: Interpolate, bins: Bins, occupied: Array, first_tile: int
 
     Args:
         interpolate: Colours of fragments; `luxel.hardware.interpolator.shade`, or what stands for it.
-        bins, occupied, width, height, ids, pattern, every_sample, geometry, screen, clipped: As in `luxel.raster.shade.shade`.
+        bins, occupied, width, height: The tiles of the window, which of them may hold something, and the pixels of the window.
+        ids, pattern, every_sample, geometry, screen, clipped: What is visible, as in `luxel.raster.shade.shade` (`Samples`, `Drawn`).
         blend: Alpha counts; else what is drawn is opaque.
         samples: (tiles, 4 * s * tile * tile) float32, premultiplied, planar: `Target.samples`.
         threads: How many to use; NumPy lets go of the interpreter's lock.
