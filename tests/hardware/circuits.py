@@ -36,7 +36,7 @@ def pairs(rng, f, g, count):
 
 def triangles(rng, count, width=60, height=45):
     """(m, 3, 2) small and large, inside and beyond the picture, degenerate, on pixel centres and corners, seen from either side."""
-    size = 1 << rng.integers(2, 14, (count, 1, 1))
+    size = 1 << rng.integers(5, 15, (count, 1, 1))
     corners = rng.integers(-10 * 256, (max(width, height) + 10) * 256, (count, 1, 2)) + rng.integers(-(1 << 14), 1 << 14, (count, 3, 2)) % size
     corners[::5] = corners[::5] // 256 * 256 + 128
     corners[1::7] = corners[1::7] // 2048 * 2048 + 128

@@ -118,7 +118,7 @@ def test_whole(stalls):
 def test_a_fragment_on_every_clock():
     """From the first to the last, over triangles of various shapes one after the other, and with stalls on every clock on which one is taken."""
     large = [[[100, 200], [14000, 900], [3000, 11000]], [[14000, 900], [3000, 11000], [15000, 11400]]]
-    corners = np.array([*large, [[256, 256], [9000, 300], [400, 2600]]])
+    corners = np.array([*large, [[1000, 1000], [13000, 4000], [7000, 9000]]])
     words = circuits.colors(np.random.default_rng(14), 3)
     count = sum(len(interpolator.draw(*each, WIDTH, HEIGHT).x) for each in zip(corners, words))
     found = run(Interpolator(), circuits.columns(corners, words), count, **WINDOW)

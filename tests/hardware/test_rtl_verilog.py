@@ -71,7 +71,7 @@ def test_scan_conversion(tmp_path):
 
 def test_whole(tmp_path):
     rng = np.random.default_rng(6)
-    corners, words = circuits.triangles(rng, 12), circuits.colors(rng, 12)
+    corners, words = circuits.triangles(rng, 40), circuits.colors(rng, 40)
     shaded = [interpolator.draw(*each, 60, 45) for each in zip(corners, words)]
     count = sum(len(each.x) for each in shaded)
     assert count > 300

@@ -22,6 +22,8 @@ from luxel.hardware.rtl.streams import Fifo, valid_line
 from luxel.hardware.scan import BLOCK
 
 EDGES = range(3)
+_AHEAD = 16
+"""Rows that wait for their fragments: enough for several blocks at an edge, of few fragments but eight rows, to pass meanwhile."""
 
 
 def block_layout(sizes: Sizes) -> data.StructLayout:
@@ -142,7 +144,7 @@ class Rows(wiring.Component):
     def elaborate(self, platform: Any) -> Module:
         """Amaranth's."""
         m = Module()
-        m.submodules.fifo = fifo = Fifo(self.o.payload.shape())
+        m.submodules.fifo = fifo = Fifo(self.o.payload.shape(), _AHEAD)
         p = Pipeline(fifo.room)
         state, valid = self._walk(m, p)
         found = self._cover(p, state)
