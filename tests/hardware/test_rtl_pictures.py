@@ -67,7 +67,7 @@ def test_command(tmp_path, monkeypatch, capsys):
     said = json.loads(capsys.readouterr().out)
     assert said["simulator"] == "cxx"
     assert said["clocks"] > said["fragments"] > 500
-    assert main(["render", "ball.glb", "-o", "model.png", "--size", "48x36", "--shading", "hardware", "-q"]) == 0
+    assert main(["render", "ball.glb", "-o", "model.png", "--size", "48x36", "--shading", "hardware", "--aa", "none", "-q"]) == 0
     assert main(["diff", "circuit.png", "model.png", "-q"]) == 0
 
 

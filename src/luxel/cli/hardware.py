@@ -41,7 +41,7 @@ def render(
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
-    """Draw a picture through the simulated circuit: the bytes of `luxel render --shading hardware`."""
+    """Draw a picture through the simulated circuit: the bytes of `luxel render --shading hardware --aa none`."""
     import time
 
     from luxel import load

@@ -61,7 +61,7 @@ class Pipeline:
         """Put all that was made into a module."""
         m.d.sync += self.go.eq(self.go_next)
         for registers in self._groups():
-            with m.If(self._place(Go(), {})["go"]):
+            with m.If(self.near()):
                 m.d.sync += [signal.eq(value) for signal, value in registers]
         m.d.comb += self._wires
         for name, part in self._parts.items():
@@ -101,6 +101,10 @@ class Pipeline:
         signals = self._place(operator, aligned)
         outputs = tuple(Timed(signal, time + operator.latency) for signal in signals.values())
         return outputs[0] if len(outputs) == 1 else outputs
+
+    def near(self) -> Signal:
+        """A copy of `go` for what is not registered here but stops with it."""
+        return self._place(Go(), {})["go"]
 
     def _groups(self) -> Iterator[list[tuple[Signal, Value]]]:
         """The registers in groups of some `_NEAR` bits, from the inputs to the outputs."""

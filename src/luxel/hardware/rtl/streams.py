@@ -23,7 +23,7 @@ class Fifo(wiring.Component):
     Args:
         shape: Of the payloads.
         depth: How many are kept, beside the one at the end.
-        late: Pushes to expect after the first clock on which `room` is low, and one more, for what is pushed is registered first; with
+        late: Pushes that may come after the level at which `room` falls: it is a register, so is `go`, and so is what is pushed. With
             depth >= 2 late, what reads can go on on every clock.
 
     Attributes:
@@ -32,7 +32,7 @@ class Fifo(wiring.Component):
         o: Stream out.
     """
 
-    def __init__(self, shape: Any, depth: int = 6, late: int = 3) -> None:
+    def __init__(self, shape: Any, depth: int = 8, late: int = 4) -> None:
         if depth < 2 * late:
             raise InputError(f"depth: expected at least {2 * late}, got {depth}")
         self.shape, self.depth, self.late = shape, depth, late
@@ -48,12 +48,12 @@ class Fifo(wiring.Component):
         data_in = Signal(self.shape, name="data_in", reset_less=True)
         following = Signal.like(level)
         m.d.comb += [
-            self.room.eq(level <= self.depth - self.late),
             write.en.eq(push),
             write.data.eq(data_in),
             take.eq(some & (~self.o.valid | self.o.ready)),
             following.eq(level + push - take),
         ]
+        m.d.sync += self.room.eq(level <= self.depth - self.late)
         m.d.sync += [push.eq(self.push), data_in.eq(self.data), level.eq(following), some.eq(following != 0)]
         with m.If(push):
             m.d.sync += write.addr.eq(Mux(write.addr == self.depth - 1, 0, write.addr + 1))
