@@ -46,7 +46,7 @@ _MOST_BACKS = 0.5
 _FEW_VALID, _MUCH_LOST = 0.5, 0.98
 """Shares of valid luxels and of escaped light that are worth a word."""
 
-_SKY_DIRECTIONS = {"draft": 128, "normal": 512, "final": 2048}
+_SKY_DIRECTIONS = {"draft": 64, "normal": 128, "final": 512, "reference": 2048}
 _SAVE_EVERY = 30.0  # seconds
 
 
@@ -258,7 +258,7 @@ def _prepare(scene: Any, settings: Quality, density: float | None, page: int, th
         share = f"{1 - valid.mean():.0%} of the luxels see hardly anything but backs of surfaces"
         warnings.warn(f"{share}: are normals inverted? They stay dark", LuxelWarning, stacklevel=3)
     clock.lap("inside")
-    pieces = cut(atlas, geometry, luxels, valid, two_sided, masks, settings)
+    pieces = cut(atlas, geometry, luxels, valid, two_sided, masks, rays, settings, threads)
     clock.lap("patches")
     return _Prepared(atlas, luxels, geometry, valid, pieces, rays, reach)
 

@@ -19,6 +19,7 @@ from luxel.radiosity.transport import GX, GY, GZ, NX, NY, NZ, PX, PY, PZ, UX, UY
 from luxel.scene.light import Light
 
 _CHUNK = 256
+_PIXELS_PER_DIRECTION = 64
 # Columns of a table of lights: position; direction it shines in; intensity by channel; 1 if it is far away; range; cosines of the cones.
 _X, _Y, _Z, _DX, _DY, _DZ, _RED, _GREEN, _BLUE, _FAR, _RANGE, _INNER, _OUTER = range(13)
 _AT = ((-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25))
@@ -120,6 +121,9 @@ def _averaged(picture: Array, directions: Array) -> Array:
     from scipy.spatial import KDTree
 
     picture = checked(picture, ("h", "w", 3), np.float64, "sky")
+    finer = int(np.ceil(np.sqrt(_PIXELS_PER_DIRECTION * len(directions) / (picture.shape[0] * picture.shape[1]))))
+    if finer > 1:  # a pixel larger than what a direction stands for must reach all that lie in it
+        picture = np.repeat(np.repeat(picture, finer, 0), finer, 1)
     rows, columns = picture.shape[:2]
     polar, azimuth = (np.arange(rows) + 0.5) / rows * np.pi, ((np.arange(columns) + 0.5) / columns - 0.5) * 2 * np.pi
     ring = np.sin(polar)[:, None]

@@ -12,10 +12,11 @@ import numpy as np
 
 from luxel.arrays import Array
 from luxel.radiosity.luxels import Luxels
-from luxel.radiosity.occlusion import Masks, prepare
-from luxel.radiosity.patches import Tree, build_tree
+from luxel.radiosity.occlusion import Masks, Occlusion, prepare
+from luxel.radiosity.patches import Tree, build_tree, connected
+from luxel.radiosity.rays import visible
 from luxel.radiosity.solve import Problem, Source, source_of
-from luxel.radiosity.transport import AREA, GX, GZ, NX, NZ, PX, PZ, UX, UZ, VX, VZ, Occluders, elements_of
+from luxel.radiosity.transport import AREA, GX, GZ, NX, NZ, PX, PZ, UX, UZ, VX, VZ, Occluders, Visibility, elements_of
 from luxel.raster.bin import MASK, OPAQUE
 from luxel.raster.geometry import Geometry
 
@@ -35,6 +36,8 @@ class Quality(NamedTuple):
         resolution: Pixels along a hemicube's face, of a patch.
         light_resolution: The same, of a light.
         tolerance: The unshot share of the light at which to stop.
+        rays: Rays for pairs that are near and partly hidden.
+        exact: Rays for all pairs: the reference, slow.
     """
 
     patch: float
@@ -42,12 +45,15 @@ class Quality(NamedTuple):
     resolution: int
     light_resolution: int
     tolerance: float = 1e-3
+    rays: int = 4
+    exact: bool = False
 
 
 QUALITIES = {
-    "draft": Quality(12, 16, 32, 64, 5e-3),
-    "normal": Quality(8, 64, 64, 128),
-    "final": Quality(5, 256, 64, 128),
+    "draft": Quality(12, 16, 32, 64, 5e-3, 0),
+    "normal": Quality(6, 64, 64, 128),
+    "final": Quality(4, 256, 64, 128, rays=16),
+    "reference": Quality(4, 256, 16, 16, rays=16, exact=True),
 }
 
 
@@ -129,13 +135,15 @@ def occluders_of(geometry: Geometry, two_sided: Array, masks: Masks | None = Non
     )  # fmt: skip
 
 
-def cut(atlas: Atlas, geometry: Geometry, luxels: Luxels, valid: Array, two_sided: Array, masks: Masks | None, quality: Quality) -> Cut:
+def cut(atlas: Atlas, geometry: Geometry, luxels: Luxels, valid: Array, two_sided: Array, masks: Masks | None, rays: Occlusion,
+        quality: Quality, threads: int) -> Cut:  # fmt: skip
     """Cut a scene into elements, patches and lights.
 
     Args:
         geometry: `flatten(atlas.scene, "none")`.
         valid: (n,) bool: luxels that take part.
         two_sided: (m,) bool, of each triangle.
+        rays: All that hides.
     """
     u, v = frames_of_texels(atlas, geometry, luxels)
     numbers = _numbers(luxels, u, v)
@@ -146,13 +154,17 @@ def cut(atlas: Atlas, geometry: Geometry, luxels: Luxels, valid: Array, two_side
     extent = (quality.patch * np.sqrt(numbers[AREA] / np.maximum(luxels.coverage[luxel], 0.05))).astype(np.float32)
     tree = build_tree(np.ascontiguousarray(numbers[PX : PZ + 1].T), np.ascontiguousarray(numbers[GX : GZ + 1].T), numbers[AREA], extent)
     elements = elements_of(_in_tree_order(tree, numbers))
+    tree = connected(tree, elements.numbers[PX : PZ + 1].T, elements.numbers[GX : GZ + 1].T, lambda a, b: visible(rays, a, b, threads))
     patches = source_of(tree, elements.numbers, quality.resolution)
     albedo = np.ascontiguousarray(luxels.albedo[luxel][tree.order].T)
     shining = np.flatnonzero(luxels.emission[fronts].sum(1) > 0)
     lights, exitance, point_luxel = _lights(numbers[:, shining], luxels.emission[fronts[shining]], fronts[shining], quality)
     span = geometry.positions[np.isfinite(geometry.positions).all(1)]
     near = _NEAR * float(np.linalg.norm(np.ptp(span, axis=0)))
-    problem = Problem(elements, albedo, patches, lights, exitance, point_luxel, occluders_of(geometry, two_sided, masks), near)
+    problem = Problem(
+        elements, albedo, patches, lights, exitance, point_luxel, occluders_of(geometry, two_sided, masks), near,
+        Visibility(rays, quality.rays, quality.exact),
+    )  # fmt: skip
     return Cut(problem, luxel[tree.order], tree.order >= len(fronts))
 
 

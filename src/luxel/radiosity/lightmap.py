@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from luxel.radiosity.luxels import Luxels
     from luxel.radiosity.unwrap import Atlas
 
+_NEAR, _ALIKE = 64, 0.5  # how many luxels are looked at, and the cosine between normals that face a like way
+
 __all__ = ["attach", "dilate", "fill", "finish", "pages_of", "stitch"]
 
 
@@ -52,7 +54,8 @@ def pages_of(luxels: Luxels, values: Array) -> tuple[Array, Array]:
 def fill(luxels: Luxels, values: Array, valid: Array) -> Array:
     """Luxels that are not valid, such as those inside solids, take the light of their neighbours on the same chart, ring by ring.
 
-    A chart without any valid luxel stays as it is: nothing of it can be seen.
+    Those of a chart without any valid luxel take it from the nearest valid luxel that faces a like way, if there is one: a rim narrower than a texel
+    may lie in a solid with every luxel's centre and still be seen.
 
     Args:
         luxels: n luxels.
@@ -69,7 +72,21 @@ def fill(luxels: Luxels, values: Array, valid: Array) -> Array:
     page, row, column = luxels.texel.T
     known, chart = np.zeros(luxels.shape, bool), np.full(luxels.shape, -1, np.int32)
     known[page, row, column], chart[page, row, column] = valid, luxels.chart
-    return spread(pages, known, mask, label=chart)[0][page, row, column]
+    spread_values = spread(pages, known, mask, label=chart)[0][page, row, column]
+    lone = np.flatnonzero(~np.isin(luxels.chart, np.unique(luxels.chart[valid])))
+    if len(lone) and valid.any():
+        spread_values[lone] = values[_like(luxels, lone, np.flatnonzero(valid))]
+    return spread_values
+
+
+def _like(luxels: Luxels, lone: Array, valid: Array) -> Array:
+    """For each of some luxels the nearest valid one that faces a like way, or the nearest of all: (k,) int."""
+    from scipy.spatial import KDTree
+
+    _, near = KDTree(luxels.position[valid]).query(luxels.position[lone], k=min(_NEAR, len(valid)))
+    near = valid[np.reshape(near, (len(lone), -1))]
+    alike = np.einsum("ijk,ik->ij", luxels.face_normal[near], luxels.face_normal[lone]) > _ALIKE
+    return near[np.arange(len(lone)), np.argmax(alike, 1)]  # nearest first; 0 if none is alike
 
 
 def dilate(pages: Array, mask: Array, radius: int) -> Array:

@@ -7,6 +7,7 @@ flat enough, from the root down, are the patches. Elements are put in the tree's
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,8 @@ from luxel.arrays import Array
 
 _ACROSS = 3.0  # how much more a distance along the normal counts
 _DEEPEST = 128
+_LIFT = 0.25  # of a patch's radius
+_HIDDEN = 0.35  # of its elements: a table's leg is no wall
 
 _F = np.float32
 
@@ -160,3 +163,44 @@ def build_tree(position: Array, normal: Array, area: Array, extent: Array, bend:
     patches = patches[np.argsort(span[patches, 0], kind="stable")]
     patch_of = np.repeat(np.arange(len(patches), dtype=np.int32), span[patches, 1] - span[patches, 0])
     return Tree(order, span[:nodes].copy(), child[:nodes].copy(), place[:nodes].copy(), patches, patch_of)
+
+
+def ranges(spans: Array) -> Array:
+    """The numbers of the elements of (k, 2) spans, one span after the other."""
+    sizes = spans[:, 1] - spans[:, 0]
+    return np.repeat(spans[:, 0] - np.cumsum(sizes) + sizes, sizes) + np.arange(int(sizes.sum()))
+
+
+def middles(tree: Tree, nodes: Array, position: Array) -> Array:
+    """(k,) the element of each node that is nearest to its centre; position (n, 3), in the tree's order."""
+    spans = tree.span[nodes].astype(np.int64)
+    sizes, elements = spans[:, 1] - spans[:, 0], ranges(spans)
+    distance = ((position[elements] - np.repeat(tree.place[nodes, :3], sizes, 0)) ** 2).sum(1)
+    first = np.cumsum(sizes) - sizes
+    best = np.flatnonzero(distance == np.repeat(np.minimum.reduceat(distance, first), sizes))
+    return elements[best[np.searchsorted(best, first)]]
+
+
+def connected(tree: Tree, position: Array, normal: Array, sees: Callable[[Array, Array], Array]) -> Tree:
+    """The same tree with patches cut until the middle of each sees nearly all its elements, so that none reaches through a wall that stands on it.
+
+    Args:
+        position, normal: (n, 3), in the tree's order.
+        sees: From (k, 3) and (k, 3) to (k,) bool. It is asked for points lifted off the surface by a share of the patch's radius.
+    """
+    accepted, nodes = [], tree.patches
+    while len(nodes):
+        spans = tree.span[nodes].astype(np.int64)
+        sizes, elements = spans[:, 1] - spans[:, 0], ranges(spans)
+        lift = np.repeat(_LIFT * tree.place[nodes, 3], sizes)[:, None]
+        middle = np.repeat(middles(tree, nodes, position), sizes)
+        seen = sees(position[middle] + lift * normal[middle], position[elements] + lift * normal[elements])
+        hidden = np.add.reduceat(~seen, np.cumsum(sizes) - sizes, dtype=np.int64)
+        whole = (hidden <= _HIDDEN * sizes) | (tree.child[nodes] < 0)
+        accepted.append(nodes[whole])
+        first = tree.child[nodes[~whole]]
+        nodes = np.stack([first, first + 1], 1).ravel()
+    patches = np.concatenate(accepted).astype(np.int32)
+    patches = patches[np.argsort(tree.span[patches, 0], kind="stable")]
+    sizes = tree.span[patches, 1] - tree.span[patches, 0]
+    return tree._replace(patches=patches, patch_of=np.repeat(np.arange(len(patches), dtype=np.int32), sizes))

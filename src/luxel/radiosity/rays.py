@@ -62,14 +62,17 @@ class Occluders:
         """
         origins, targets = np.broadcast_arrays(np.atleast_2d(np.asarray(origins, np.float64)), np.asarray(targets, np.float64))
         origins, targets = checked(origins, ("n", 3), np.float64, "origins"), checked(targets, ("n", 3), np.float64, "targets")
-        n = len(origins)
-        if skip is None:
-            skip = np.full((n, 2), -1, np.int32)
-        skip = checked(skip, (n, 2), np.int32, "skip")
-        result = np.zeros(n, np.bool_)
-        writable = (np.require(array, requirements=["C", "W"]) for array in (origins, targets, skip))  # kernels know one kind of array
-        jit.run(visible_pairs, min(jit.checked_threads(threads), n // 1024 + 1), self.occlusion, *writable, result)
-        return result
+        return visible(self.occlusion, origins, targets, jit.checked_threads(threads), skip)
+
+
+def visible(scene: Occlusion, origins: Array, targets: Array, threads: int, skip: Array | None = None) -> Array:
+    """(n,) bool, for (n, 3) origins and targets; as `Occluders.visible`."""
+    n = len(origins)
+    skip = checked(np.full((n, 2), -1, np.int32) if skip is None else skip, (n, 2), np.int32, "skip")
+    result = np.zeros(n, np.bool_)
+    writable = [np.require(array, dtype, ["C", "W"]) for array, dtype in ((origins, np.float64), (targets, np.float64), (skip, np.int32))]
+    jit.run(visible_pairs, min(threads, n // 1024 + 1), scene, *writable, result)
+    return result
 
 
 class EmbreeOccluders:

@@ -19,11 +19,11 @@ import numpy as np
 from luxel import jit
 from luxel.arrays import Array
 from luxel.radiosity.hemicube import frames_of, see
-from luxel.radiosity.patches import Tree
-from luxel.radiosity.transport import AREA, BLOCK, PX, PZ, Elements, Occluders, Shooters, fill_rows, receive
+from luxel.radiosity.patches import Tree, middles
+from luxel.radiosity.transport import AREA, BLOCK, PX, PZ, Elements, Occluders, Shooters, Visibility, fill_rows, receive
 
 _BATCH = 64
-_SCALE_RANGE = 0.5, 2.0
+_SCALE_RANGE = 0.25, 4.0
 """A row's sum is put right by no more than this; what is left over counts as escaped."""
 
 
@@ -45,14 +45,8 @@ class Source(NamedTuple):
 
 def source_of(tree: Tree, numbers: Array, resolution: int) -> Source:
     """Each patch looks from its element nearest the centre, along its mean normal."""
-    place = tree.place[tree.patches]
-    distance = ((numbers[PX : PZ + 1].T - np.repeat(place[:, :3], np.diff(patch_starts(tree)), 0)) ** 2).sum(1)
-    starts = patch_starts(tree)
-    least = np.minimum.reduceat(distance, starts[:-1])
-    nearest = np.flatnonzero(distance == np.repeat(least, np.diff(starts)))
-    _, first = np.unique(tree.patch_of[nearest], return_index=True)
-    centers = np.ascontiguousarray(numbers[PX : PZ + 1, nearest[first]].T)
-    return Source(tree, numbers, Shooters(tree.patches, centers, frames_of(place[:, 4:7])), resolution)
+    centers = np.ascontiguousarray(numbers[PX : PZ + 1, middles(tree, tree.patches, numbers[PX : PZ + 1].T)].T)
+    return Source(tree, numbers, Shooters(tree.patches, centers, frames_of(tree.place[tree.patches, 4:7])), resolution)
 
 
 def patch_starts(tree: Tree) -> Array:
@@ -144,6 +138,7 @@ class Problem(NamedTuple):
         exitance: (k, 3) float32 of the elements of `lights`, and the luxel of each, `point_luxel` (k,) int32.
         occluders: What hides.
         near: Metres; see `hemicube.see`.
+        rays: See `Visibility`.
     """
 
     elements: Elements
@@ -154,6 +149,7 @@ class Problem(NamedTuple):
     point_luxel: Array
     occluders: Occluders
     near: float
+    rays: Visibility
 
 
 def start(problem: Problem, irradiance: Array | None = None) -> State:
@@ -214,7 +210,7 @@ def fill(problem: Problem, source: Source, chosen: Array, rows: Rows, threads: i
     resolution = np.full(len(fresh), source.resolution, np.int64)
     seen = see(problem.occluders.positions, problem.occluders.triangles, who.centers, who.frames, resolution, problem.near, threads)
     to = slots[fresh]
-    parts, escaped = fill_rows(problem.elements, source.tree, source.numbers, who, seen, problem.occluders, to, rows.rows, threads)
+    parts, escaped = fill_rows(problem.elements, source.tree, source.numbers, who, seen, problem.occluders, problem.rays, to, rows.rows, threads)
     sums, areas = parts.sum(1), source.tree.place[who.node, 7].astype(np.float64)
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = np.where(sums > 0, (1.0 - escaped.sum(1)) * areas / sums, 1.0)

@@ -70,6 +70,20 @@ class Occluders(NamedTuple):
     masked: Occlusion
 
 
+class Visibility(NamedTuple):
+    """Where rays are cast in place of what the hemicube says.
+
+    Attributes:
+        scene: All triangles.
+        count: Rays a pair of shooter and element; 0: none. They go to elements spread over the shooter.
+        always: For all pairs, for reference; False: for those that are near and partly hidden.
+    """
+
+    scene: Occlusion
+    count: int
+    always: bool
+
+
 class Shooters(NamedTuple):
     """Who shoots.
 
@@ -259,6 +273,18 @@ def _seen_fraction(i, at, resolution, center, near, c, depth, ids, planes):
 
 
 @jit.part
+def _ray_fraction(scene, rays, span, source, x, y, z):
+    """How much of a shooter a point sees, 0..1, by rays to `rays` of its elements, or to all if it has fewer."""
+    n = min(np.int64(rays), np.int64(span[1] - span[0]))
+    seen = 0
+    for k in range(n):
+        j = np.int64(span[0]) + (2 * k + 1) * np.int64(span[1] - span[0]) // (2 * n)
+        sx, sy, sz = np.float64(source[PX, j]), np.float64(source[PY, j]), np.float64(source[PZ, j])
+        seen += not occluded(scene, sx, sy, sz, np.float64(x), np.float64(y), np.float64(z), -1, -1)
+    return _F(seen) / _F(n)
+
+
+@jit.part
 def _hidden(masked, center, x, y, z):
     return occluded(masked, center[0], center[1], center[2], np.float64(x), np.float64(y), np.float64(z), -1, -1)
 
@@ -272,7 +298,7 @@ def _may_meet(box, center, x, y, z):
 
 @jit.parallel_kernel
 def _fill_rows(queue, numbers, bounds, span, child, place, source, nodes, centers, frames, start, resolutions, depth, ids, near,
-               planes, masked, slots, rows, sums):  # fmt: skip
+               planes, masked, scene, rays, always, slots, rows, sums):  # fmt: skip
     n = numbers.shape[1]
     blocks = (n + BLOCK - 1) // BLOCK
     own_c, own_list = np.zeros(_SCRATCH, np.float32), np.empty(BLOCK + 1, np.uint64)
@@ -280,7 +306,7 @@ def _fill_rows(queue, numbers, bounds, span, child, place, source, nodes, center
     c, listed, stack, corners = jit.borrow(own_c), jit.borrow(own_list), jit.borrow(own_stack), jit.borrow(own_corners)
     numbers, bounds, span, child, place = jit.borrow(numbers), jit.borrow(bounds), jit.borrow(span), jit.borrow(child), jit.borrow(place)
     source, depth, ids, planes, rows = jit.borrow(source), jit.borrow(depth), jit.borrow(ids), jit.borrow(planes), jit.borrow(rows)
-    centers, frames, masked = jit.borrow(centers), jit.borrow(frames), jit.borrow(masked)
+    centers, frames, masked, scene = jit.borrow(centers), jit.borrow(frames), jit.borrow(masked), jit.borrow(scene)
     any_masked = len(masked.link) > 0
     block = jit.take(queue)
     while block < blocks:
@@ -306,10 +332,12 @@ def _fill_rows(queue, numbers, bounds, span, child, place, source, nodes, center
                 i = listed[k]
                 at = np.uint64(start[s]) + np.uint64(float_bits(c[_AT + i]))
                 v = _seen_fraction(i, at, resolution, center, near, c, depth, ids, planes)
+                if rays > 0 and (always or (_F(0.0) < v < _F(1.0) and c[_R2 + i] < near2)):
+                    v = _ray_fraction(scene, rays, span[node], source, c[_X + i], c[_Y + i], c[_Z + i])
                 if v == _F(0.0):
                     continue
                 x, y, z = c[_X + i], c[_Y + i], c[_Z + i]
-                if any_masked and _may_meet(masked.box[0], center, x, y, z) and _hidden(masked, center, x, y, z):
+                if any_masked and not always and _may_meet(masked.box[0], center, x, y, z) and _hidden(masked, center, x, y, z):
                     continue
                 f = c[_FACTOR + i]
                 if c[_R2 + i] < near2:
@@ -364,8 +392,8 @@ def _receive(queue, rows, touched, slots, powers, received):
         block = jit.take(queue)
 
 
-def fill_rows(elements: Elements, tree: Tree, source: Array, shooters: Shooters, seen: ItemBuffers, occluders: Occluders, slots: Array, rows: Array,
-              threads: int) -> tuple[Array, Array]:  # fmt: skip
+def fill_rows(elements: Elements, tree: Tree, source: Array, shooters: Shooters, seen: ItemBuffers, occluders: Occluders, rays: Visibility,
+              slots: Array, rows: Array, threads: int) -> tuple[Array, Array]:  # fmt: skip
     """Compute the rows of s shooters.
 
     Args:
@@ -382,7 +410,8 @@ def fill_rows(elements: Elements, tree: Tree, source: Array, shooters: Shooters,
     sums = np.empty((count, -(-n // BLOCK)))
     jit.run(
         _fill_rows, threads, *elements, tree.span, tree.child, tree.place, source, *shooters, seen.start,
-        seen.resolution, seen.depth, seen.ids, np.float32(seen.near), occluders.planes, occluders.masked, slots, rows, sums,
+        seen.resolution, seen.depth, seen.ids, np.float32(seen.near), occluders.planes, occluders.masked,
+        *rays, slots, rows, sums,
     )  # fmt: skip
     sizes = sorted(set(seen.resolution.tolist()))
     deltas = [delta_form_factors(size).ravel() for size in sizes]
