@@ -1,22 +1,24 @@
 """Ten thousand renders in one process: what the process holds as they go by.
 
-    python benchmarks/lasting.py [renders]
+    python benchmarks/lasting.py [renders] [--write]
 
 Scenes, sizes, samples, filters, outputs and cameras change from one to the next; every 16th picture is large enough for arrays that are used
 again. Prints resident memory every tenth of the way, how much of it waits to be used again, and the growth after the first tenth, which brings
 everything to its full size.
 """
 
+import argparse
 import gc
-import sys
 import time
 
 import numpy as np
 import psutil
 
 import luxel
+import memory as peak
 from luxel import memory
 from luxel.scene.builtin import shapes
+from report import machine, write_section
 
 
 def scenes():
@@ -30,8 +32,8 @@ def scenes():
         yield luxel.prepare(scene)
 
 
-def main() -> None:
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 10_000
+def renders(count: int) -> list[float]:
+    """Resident MiB after every tenth of `count` renders."""
     prepared, process = list(scenes()), psutil.Process()
     held, started, digest = [], time.perf_counter(), 0
     for k in range(count):
@@ -49,6 +51,26 @@ def main() -> None:
             idle = sum(map(len, memory._idle)) / 2**20
             print(f"{k + 1:6d} renders  {held[-1]:7.1f} MiB, {idle:.1f} idle  {time.perf_counter() - started:6.1f} s", flush=True)
     print(f"growth after the first tenth: {held[-1] - held[0]:+.1f} MiB over {count - count // 10} renders")
+    return held
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("renders", type=int, nargs="?", default=10_000)
+    parser.add_argument("--write", action="store_true", help="put the figures, and the peaks of memory, into RESULTS.md")
+    options = parser.parse_args()
+    held = renders(options.renders)
+    if options.write:
+        triangles, before, loaded, _ = peak.peaks(1582, (64, 64))
+        arrays = 12 * triangles + 4 * (3 + 3 + 2) * triangles // 2  # half as many vertices, with normals and texture coordinates
+        text = (
+            f"{machine()}\n\n`python benchmarks/lasting.py --write`. {options.renders:,} renders in one process, every 16th of them large: MiB "
+            f"held after every tenth of them {', '.join(f'{mib:.0f}' for mib in held)}; up to 256 of it wait to be used again (`luxel.memory`).\n\n"
+            f"`luxel render --size 16384 --samples 4` of the demo's room, to PNG, peaks at {peak.huge_png(16384) / 1e6:.0f} MB.\n\n"
+            f"A process that loads {triangles / 1e6:.1f} M triangles from a binary PLY file (arrays of {arrays / 1e6:.0f} MB) peaks at "
+            f"{loaded / 1e6:.0f} MB ({before / 1e6:.0f} MB before loading)."
+        )
+        write_section("Lasting", text)
 
 
 if __name__ == "__main__":
