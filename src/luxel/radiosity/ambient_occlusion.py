@@ -12,7 +12,7 @@ from luxel.errors import InputError
 from luxel.radiosity.direct import shine, sky_table
 from luxel.radiosity.elements import frames_of_texels
 from luxel.radiosity.rays import Occluders
-from luxel.radiosity.transport import Elements
+from luxel.radiosity.transport import elements_of
 from luxel.raster.geometry import flatten
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def ambient_occlusion(atlas: Atlas, luxels: Luxels, distance: float, directions:
         raise InputError(f"distance of ambient occlusion: expected metres above 0, got {distance!r}")
     u, v = frames_of_texels(atlas, flatten(atlas.scene, "none"), luxels)
     columns = (luxels.position, luxels.normal, luxels.face_normal, luxels.area[:, None], u, v)
-    elements = Elements(np.ascontiguousarray(np.concatenate(columns, 1, dtype=np.float32).T))
+    elements = elements_of(np.ascontiguousarray(np.concatenate(columns, 1, dtype=np.float32).T))
     rays = Occluders.of_scene(atlas.scene).occlusion
     sky = sky_table(np.ones(3), directions)
     return np.clip(shine(rays, elements, sky, distance, jit.checked_threads(threads))[0] / np.float32(np.pi), 0, 1)

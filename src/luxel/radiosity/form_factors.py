@@ -101,7 +101,7 @@ def _world(surfaces: list[Mesh]) -> tuple[World, Array]:
     corners = obstacles.corners
     boxes = build(corners.min(1).astype(np.float32), corners.max(1).astype(np.float32))
     faces = np.arange(4 * len(corners), dtype=np.int32).reshape(-1, 4)
-    triangles = np.concatenate([faces[:, [0, 1, 2]], faces[obstacles.count == 4][:, [0, 2, 3]]])
+    triangles = np.concatenate([faces[:, [0, 1, 2]], faces[obstacles.sides == 4][:, [0, 2, 3]]])
     occlusion = prepare(corners.reshape(-1, 3).astype(np.float32), triangles)
     starts = np.searchsorted(polygons.surface, np.arange(len(surfaces) + 1))
     return World(polygons, obstacles, owner, boxes.box, boxes.link, boxes.order, occlusion), starts.astype(np.int64)

@@ -91,7 +91,7 @@ def make_scratch():
 def _bilinear(a, piece, u, v, out):
     """A point of one of the at most two bilinear patches of a polygon, into out[0:3], and how much area a unit of u and v is there."""
     i, j, k = (0, 1, 2) if piece == 0 else (0, 3, 4)
-    l = (3 if a.count > 3 else 2) if piece == 0 else 4
+    l = (3 if a.sides > 3 else 2) if piece == 0 else 4
     c = a.corners
     p, q, r, s = (1 - u) * (1 - v), u * (1 - v), u * v, (1 - u) * v
     for axis in range(3):
@@ -144,7 +144,7 @@ def _partly_hidden(world, a, b, found, whole, wanted, floor, scratch):
     """
     cells = scratch.cells
     depth, total, error, seen = 0, 0.0, 0.0, 0.0
-    for piece in range(1 if a.count < 5 else 2):
+    for piece in range(1 if a.sides < 5 else 2):
         cells[depth, 0], cells[depth, 1], cells[depth, 2], cells[depth, 3], cells[depth, 4], cells[depth, 5] = piece, 0.0, 0.0, 1.0, 0.0, 0.0
         depth += 1
     scratch.found[0] = found
@@ -202,7 +202,7 @@ def _ray_points(a, first, base_u, base_v, turn, rows):
         u, v = _sequence(first + k, base_u) + turn, _sequence(first + k, base_v) + turn
         u, v = u - math.floor(u), v - math.floor(v)
         piece = 0
-        if a.count == 5:
+        if a.sides == 5:
             u *= 2.0
             piece = 1 if u >= 1.0 else 0
             u -= piece
@@ -258,7 +258,7 @@ def _alone(points_a, points_b, normal_a, normal_b, a, b, cut, wanted, floor):
         error = abs(three - two) * ratio * ratio
         if error <= max(wanted.tolerance * three, floor):
             return three, error
-    return contour_integral(a.corners, a.count, b.corners, b.count, max(distance, size), wanted.tolerance, floor)
+    return contour_integral(a.corners, a.sides, b.corners, b.sides, max(distance, size), wanted.tolerance, floor)
 
 
 @jit.part
@@ -290,18 +290,18 @@ def _facing(world, p, q, a, b, cut, wanted, floor, scratch):
 @jit.part
 def _whole_side(polygons, p, sign, out):
     """Polygon p, seen from the side of its normal times `sign`; its corners are copied to `out`."""
-    for k in range(polygons.count[p]):
+    for k in range(polygons.sides[p]):
         for axis in range(3):
             out[k, axis] = polygons.corners[p, k, axis]
     n, c = polygons.normal[p], polygons.centre[p]
-    return Side(out, np.int64(polygons.count[p]), sign * n[0], sign * n[1], sign * n[2], c[0], c[1], c[2], polygons.radius[p])
+    return Side(out, np.int64(polygons.sides[p]), sign * n[0], sign * n[1], sign * n[2], c[0], c[1], c[2], polygons.radius[p])
 
 
 @jit.part
 def _cut_side(polygons, p, sign, q, above, out):
     """The part of polygon p on the side `above` (1 or -1) of the plane of q, seen from the side `sign` of p; a count below 3 if there is none."""
     n, c = polygons.normal[q], polygons.centre[q]
-    corners, count = polygons.corners[p], polygons.count[p]
+    corners, count = polygons.corners[p], polygons.sides[p]
     made = np.int64(0)
     ax, ay, az = corners[count - 1, 0], corners[count - 1, 1], corners[count - 1, 2]
     a = above * ((ax - c[0]) * n[0] + (ay - c[1]) * n[1] + (az - c[2]) * n[2])
@@ -331,8 +331,8 @@ def exchange(world, p, q, wanted, scratch):
     polygons = world.polygons
     epsilon = polygons.epsilon[0]
     np_, cp, nq, cq = polygons.normal[p], polygons.centre[p], polygons.normal[q], polygons.centre[q]
-    low_q, high_q = height_range(np_[0], np_[1], np_[2], cp[0], cp[1], cp[2], polygons.corners[q], polygons.count[q])
-    low_p, high_p = height_range(nq[0], nq[1], nq[2], cq[0], cq[1], cq[2], polygons.corners[p], polygons.count[p])
+    low_q, high_q = height_range(np_[0], np_[1], np_[2], cp[0], cp[1], cp[2], polygons.corners[q], polygons.sides[q])
+    low_p, high_p = height_range(nq[0], nq[1], nq[2], cq[0], cq[1], cq[2], polygons.corners[p], polygons.sides[p])
     if wanted.one_sided and (high_q <= epsilon or high_p <= epsilon):
         return 0.0, 0.0
     if (low_q >= -epsilon and high_q <= epsilon) or (low_p >= -epsilon and high_p <= epsilon):
@@ -350,7 +350,7 @@ def exchange(world, p, q, wanted, scratch):
             a, b = _cut_side(polygons, p, sign_p, q, sign_q, scratch.a), _cut_side(polygons, q, sign_q, p, sign_p, scratch.b)
         else:
             a, b = _whole_side(polygons, p, sign_p, scratch.a), _whole_side(polygons, q, sign_q, scratch.b)
-        if a.count >= 3 and b.count >= 3 and a.radius > epsilon and b.radius > epsilon:
+        if a.sides >= 3 and b.sides >= 3 and a.radius > epsilon and b.radius > epsilon:
             part, wrong = _facing(world, p, q, a, b, cut, wanted, floor, scratch)
             value, error = value + part, error + wrong
     return value, error

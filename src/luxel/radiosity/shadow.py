@@ -63,7 +63,7 @@ def _cut(pieces, source, count, mx, my, mz, m, tolerance, inside, outside):
 def _pyramid(polygons, t, x, y, z, epsilon, planes):
     """The planes that bound the shadow of polygon t seen from a point, relative to it: normals inward and offsets. How many; 0 if there is none."""
     nx, ny, nz = polygons.normal[t, 0], polygons.normal[t, 1], polygons.normal[t, 2]
-    c, count = polygons.corners[t], polygons.count[t]
+    c, count = polygons.corners[t], polygons.sides[t]
     height = (c[0, 0] - x) * nx + (c[0, 1] - y) * ny + (c[0, 2] - z) * nz
     if abs(height) <= epsilon:
         return 0
@@ -148,9 +148,9 @@ def visible_factor(x, y, z, nx, ny, nz, b, polygons, blockers, found, pieces, co
     Scratch: pieces (PIECES + 2, CORNERS, 3) float64, counts (PIECES,) int64, planes (6, 4) float64. OVERFLOW if that does not do.
     """
     epsilon = polygons.epsilon[0]
-    for k in range(b.count):
+    for k in range(b.sides):
         pieces[0, k, 0], pieces[0, k, 1], pieces[0, k, 2] = b.corners[k, 0] - x, b.corners[k, 1] - y, b.corners[k, 2] - z
-    counts[0] = b.count
+    counts[0] = b.sides
     number = np.int64(1)
     for k in range(found):
         sides = _pyramid(polygons, blockers[k], x, y, z, epsilon, planes)

@@ -27,13 +27,13 @@ class Side(NamedTuple):
 
     Attributes:
         corners: (CORNERS, 3) float64.
-        count: Its corners.
+        sides: As many as corners.
         nx, ny, nz: Unit normal toward the other.
         x, y, z, radius: Centroid, and the largest distance of a corner from it.
     """
 
     corners: Array
-    count: int
+    sides: int
     nx: float
     ny: float
     nz: float
@@ -58,9 +58,9 @@ def _shaft_box(a, b, box):
     """The box around both polygons, into box[0:6]."""
     for axis in range(3):
         low = high = a.corners[0, axis]
-        for k in range(1, a.count):
+        for k in range(1, a.sides):
             low, high = min(low, a.corners[k, axis]), max(high, a.corners[k, axis])
-        for k in range(b.count):
+        for k in range(b.sides):
             low, high = min(low, b.corners[k, axis]), max(high, b.corners[k, axis])
         box[axis], box[axis + 3] = low, high
 
@@ -68,21 +68,21 @@ def _shaft_box(a, b, box):
 @jit.part
 def _support(edges, others, epsilon, planes, count):
     """Add the planes through an edge of one polygon and a corner of the other that have both on one side: unit normals outward, and offsets."""
-    for i in range(edges.count):
-        j = i + 1 if i + 1 < edges.count else 0
+    for i in range(edges.sides):
+        j = i + 1 if i + 1 < edges.sides else 0
         x, y, z = edges.corners[i, 0], edges.corners[i, 1], edges.corners[i, 2]
         ux, uy, uz = edges.corners[j, 0] - x, edges.corners[j, 1] - y, edges.corners[j, 2] - z
-        for k in range(others.count):
+        for k in range(others.sides):
             vx, vy, vz = others.corners[k, 0] - x, others.corners[k, 1] - y, others.corners[k, 2] - z
             nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
             length = math.sqrt(nx * nx + ny * ny + nz * nz)
             if length <= epsilon * epsilon:
                 continue
             nx, ny, nz = nx / length, ny / length, nz / length
-            low, high = height_range(nx, ny, nz, x, y, z, edges.corners, edges.count)
+            low, high = height_range(nx, ny, nz, x, y, z, edges.corners, edges.sides)
             if low < -epsilon and high > epsilon:
                 continue
-            least, most = height_range(nx, ny, nz, x, y, z, others.corners, others.count)
+            least, most = height_range(nx, ny, nz, x, y, z, others.corners, others.sides)
             low, high = min(low, least), max(high, most)
             if (low < -epsilon and high > epsilon) or count == len(planes):
                 continue
@@ -98,7 +98,7 @@ def _outside(polygons, t, planes, count, epsilon):
     """Whether polygon t lies outside one of the supporting planes."""
     for p in range(count):
         low = math.inf
-        for k in range(polygons.count[t]):
+        for k in range(polygons.sides[t]):
             c = polygons.corners[t]
             low = min(low, c[k, 0] * planes[p, 0] + c[k, 1] * planes[p, 1] + c[k, 2] * planes[p, 2] - planes[p, 3])
         if low >= -epsilon:
@@ -109,17 +109,17 @@ def _outside(polygons, t, planes, count, epsilon):
 @jit.part
 def _behind(polygons, t, side, epsilon):
     """Whether polygon t lies behind one of the two, or on its plane."""
-    _, high = height_range(side.nx, side.ny, side.nz, side.x, side.y, side.z, polygons.corners[t], polygons.count[t])
+    _, high = height_range(side.nx, side.ny, side.nz, side.x, side.y, side.z, polygons.corners[t], polygons.sides[t])
     return high <= epsilon
 
 
 @jit.part
 def _covers(polygons, t, a, b):
     """Whether every segment between corners of the two, and so every segment between the two, passes within polygon t, which parts them."""
-    corners, count = polygons.corners[t], polygons.count[t]
-    for i in range(a.count):
+    corners, count = polygons.corners[t], polygons.sides[t]
+    for i in range(a.sides):
         x, y, z = a.corners[i, 0], a.corners[i, 1], a.corners[i, 2]
-        for j in range(b.count):
+        for j in range(b.sides):
             dx, dy, dz = b.corners[j, 0] - x, b.corners[j, 1] - y, b.corners[j, 2] - z
             positive = negative = False
             for k in range(count):
@@ -164,8 +164,8 @@ def _judge(polygons, t, a, b, epsilon):
         return 0
     nx, ny, nz = polygons.normal[t, 0], polygons.normal[t, 1], polygons.normal[t, 2]
     x, y, z = polygons.centre[t, 0], polygons.centre[t, 1], polygons.centre[t, 2]
-    low_a, high_a = height_range(nx, ny, nz, x, y, z, a.corners, a.count)
-    low_b, high_b = height_range(nx, ny, nz, x, y, z, b.corners, b.count)
+    low_a, high_a = height_range(nx, ny, nz, x, y, z, a.corners, a.sides)
+    low_b, high_b = height_range(nx, ny, nz, x, y, z, b.corners, b.sides)
     if min(low_a, low_b) >= -epsilon or max(high_a, high_b) <= epsilon:
         return 0
     if ((high_a < 0.0 and low_b > 0.0) or (low_a > 0.0 and high_b < 0.0)) and _covers(polygons, t, a, b):

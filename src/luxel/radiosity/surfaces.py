@@ -25,7 +25,7 @@ class Polygons(NamedTuple):
 
     Attributes:
         corners: (p, 4, 3) float64, metres, counter-clockwise from the front; a triangle's last is there twice.
-        count: (p,) int32, 3 or 4.
+        sides: (p,) int32, 3 or 4.
         normal, centre: (p, 3) float64, of the front; centroid.
         radius, area: (p,) float64: largest distance of a corner from the centroid, metres; square metres.
         surface: (p,) int32, ascending.
@@ -34,7 +34,7 @@ class Polygons(NamedTuple):
     """
 
     corners: Array
-    count: Array
+    sides: Array
     normal: Array
     centre: Array
     radius: Array

@@ -75,12 +75,12 @@ class Visibility(NamedTuple):
 
     Attributes:
         scene: All triangles.
-        count: Rays a pair of shooter and element; 0: none. They go to elements spread over the shooter.
+        number: Rays a pair of shooter and element; 0: none. They go to elements spread over the shooter.
         always: For all pairs, for reference; False: for those that are near and partly hidden.
     """
 
     scene: Occlusion
-    count: int
+    number: int
     always: bool
 
 
