@@ -1,0 +1,305 @@
+"""luxel's bake beside the radiosity paper, Mitsuba and Blender's Cycles: speed, truth, time to equal error, relighting, and how it grows.
+
+    python benchmarks/bake.py                     # print all
+    python benchmarks/bake.py --write             # and put the tables into RESULTS.md
+    python benchmarks/bake.py rooms truth --keep refs   # some parts; the path-traced references are kept in a folder and used again
+
+Mitsuba comes with the extra `peers`; for Blender see `blender.py`. What is missing is said and left out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import pickle
+import time
+import warnings
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+import luxel
+import memory
+from blender import Cycles
+from luxel.radiosity import lightmap
+from luxel.radiosity.bake import Baked, bake
+from luxel.scene.builtin import SCENES
+from pathtracer import Missing, Mitsuba, Truth, truth
+from report import ROOT, alternating, machine, median, meshes, milliseconds, table, write_section
+
+QUALITIES = ("draft", "normal", "final")
+PAPER = {"room-simple": (4.0, 2.0), "room-complex": (139.0, 79.0)}  # seconds on its CPU and its GPU
+ROOMS = tuple(PAPER)
+STAGES = ("unwrap", "luxels", "inside", "patches", "solve")
+PARTS = ("rooms", "truth", "peers", "relight", "scale")
+
+
+@dataclass(frozen=True)
+class Case:
+    """A scene that is compared with its path-traced light: luxels compared, and paths for each of them."""
+
+    name: str
+    scene: luxel.Scene
+    density: float | None
+    sky: float | None
+    luxels: int
+    samples: int
+
+
+def cases(quick: bool) -> list[Case]:
+    """Lit by their own surfaces, or by the sky; no stand-in lamps."""
+    share = 8 if quick else 1
+    found = [Case("Cornell box", bare(SCENES["cornell-box"]()), 60.0, None, 600, 16384 // share)]
+    folder = meshes()
+    if folder is None or not (folder / "scenes" / "living_room.glb").exists():
+        print("missing: scenes/living_room.glb (LUXEL_MESHES)", flush=True)
+    else:
+        found.append(Case("living room, sky", bare(luxel.load(folder / "scenes" / "living_room.glb")), 8.0, 1.0, 600, 8192 // share))
+    return [*found, Case("room-simple", bare(SCENES["room-simple"]()), None, None, 600, 8192 // share)]
+
+
+def bare(scene: luxel.Scene) -> luxel.Scene:
+    return replace(scene, lights=[], ambient=None)
+
+
+# Speed of the paper's rooms
+
+
+def rooms_table(repeats: int) -> str:
+    """Median seconds by stage, and what the paper took."""
+    rows, solved = [], {}
+    for name in ROOMS:
+        scene = SCENES[name]()
+        for threads in (2, 1):
+            made: list[Baked] = []
+
+            def once(threads: int = threads, scene: luxel.Scene = scene, made: list[Baked] = made) -> None:
+                made.append(bake(scene, tolerance=1e-3, threads=threads))
+
+            whole = median(alternating(repeats, once)[0])
+            stages = [median([b.seconds[stage] for b in made[1:]]) for stage in STAGES]
+            solved[name, threads] = whole
+            cpu, gpu = PAPER[name]
+            ratios = [f"{cpu / whole:.1f}x", f"{gpu / whole:.1f}x"]
+            counts = [f"{len(made[-1].luxels.area):,}", threads, f"{made[-1].ledger[-1].shots:,}"]
+            rows.append([name, *counts, *(f"{s:.3f}" for s in stages), f"{whole:.2f}", *ratios])
+            print("  ".join(map(str, rows[-1])), flush=True)
+    head = ["scene", "luxels", "threads", "shots", *(f"{stage}, s" for stage in STAGES), "all, s", "paper's CPU", "paper's GPU"]
+    growth = solved[ROOMS[1], 2] / solved[ROOMS[0], 2]
+    patches = 86_077 / 14_445
+    note = f"From the first room to the second there are {patches:.1f} times as many patches; the time grows {growth:.1f}-fold (the paper's 35-fold)."
+    return f"{table(head, rows)}\n\n{note}"
+
+
+# Truth
+
+
+def reference(case: Case, baked: Baked, keep: Path | None) -> tuple[Mitsuba, Truth]:
+    """The path tracer, and its irradiance of some luxels, from the folder if it is there."""
+    peer = Mitsuba(baked, case.sky)
+    chosen = np.flatnonzero(peer.comparable())
+    chosen = np.sort(np.random.default_rng(1).choice(chosen, min(case.luxels, len(chosen)), replace=False))
+    path = None if keep is None else keep / f"{case.name.replace(' ', '-')}-{case.samples}.pickle"
+    if path is not None and path.exists():
+        stored: Truth = pickle.loads(path.read_bytes())
+        if np.array_equal(stored.chosen, chosen):
+            return peer, stored
+    found = truth(peer, chosen, case.samples)
+    if path is not None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(pickle.dumps(found))
+    return peer, found
+
+
+def truth_table(chosen: list[Case], keep: Path | None) -> str:
+    rows = []
+    for case in chosen:
+        made = {q: bake(case.scene, density=case.density, sky=case.sky, quality=q) for q in QUALITIES}
+        last = made["final"]
+        peer, found = reference(case, last, keep)
+        share = peer.comparable().mean()
+        errors = [f"{found.error(b.irradiance):.2%}" for b in made.values()]
+        bias = float((last.irradiance[found.chosen] - found.irradiance).mean()) / found.mean
+        counts = [f"{len(last.luxels.area):,}", f"{share:.0%}", len(found.chosen)]
+        rows.append([case.name, *counts, f"{found.noise / found.mean:.2%}", *errors, f"{bias:+.2%}"])
+        print("  ".join(map(str, rows[-1])), flush=True)
+    head = ["scene", "luxels", "comparable", "compared", "reference's noise", *QUALITIES, "bias at final"]
+    note = (
+        "RMSE over luxels and channels, relative to the mean irradiance, beside Mitsuba's path tracer (scalar_rgb, 64 bounces), which averages over "
+        "each luxel's footprint. The noise of the reference, known from its two independent halves, is taken off in quadrature. Compared are luxels "
+        "drawn at random from the whole texels on which nothing stands: where a leg or a wall's foot covers a part of one, it has no one irradiance."
+    )
+    return f"{table(head, rows)}\n\n{note}"
+
+
+def draw_error(case: Case, samples: int, keep: Path | None, path: Path) -> None:
+    """The lit scene, and beside it the error of every comparable luxel: red too bright, blue too dark, full colour at 10 % of the mean."""
+    baked = bake(case.scene, density=case.density, sky=case.sky)
+    _, found = reference(replace(case, luxels=len(baked.luxels.area), samples=samples), baked, keep)
+    apart = 10 * (baked.irradiance[found.chosen] - found.irradiance).mean(1, keepdims=True) / found.mean
+    colors = np.full_like(baked.irradiance, 0.25)
+    colors[found.chosen] = 1 - np.abs(apart).clip(0, 1) * np.where(apart > 0, [0, 1, 1], [1, 1, 0])
+    white = [replace(m, base_color=(1.0, 1.0, 1.0, 1.0), emissive=(0.0, 0.0, 0.0)) for m in baked.atlas.scene.materials]
+    pages = lightmap.finish(baked.atlas, baked.luxels, math.pi * colors, baked.valid)[0]
+    error = lightmap.attach(baked.atlas._replace(scene=replace(baked.atlas.scene, materials=white)), pages)
+    pictures = [luxel.render(scene, size=(640, 640), samples=8).image for scene in (baked.scene, error)]
+    luxel.Picture(np.concatenate(pictures, 1)).save(path)
+    print(f"written: {path}", flush=True)
+
+
+# Time to equal error
+
+
+def peers_table(chosen: list[Case], keep: Path | None, repeats: int) -> str:
+    """For each peer: how many samples give luxel's error, and how long they take for all luxels. Both peers' errors are noise, which falls with the
+    root of the samples; it is measured, not modelled, at the numbers of samples on both sides."""
+    try:
+        cycles: Cycles | None = Cycles()
+    except Missing as missing:
+        cycles = None
+        print(f"missing: {missing}", flush=True)
+    rows = []
+    for case in chosen:
+        for quality in ("draft", "normal"):
+            job = partial(bake, case.scene, density=case.density, sky=case.sky, quality=quality)
+            baked = job()
+            seconds = median(alternating(repeats, job)[0])
+            peer, found = reference(case, baked, keep)
+            error = found.error(baked.irradiance)
+            line = [case.name, quality, f"{error:.2%}", f"{seconds:.2f}"]
+            line += _equal(error, seconds, *_by_mitsuba(peer, found))
+            if cycles is not None and case.sky is None:
+                line += _equal(error, seconds, *_by_cycles(cycles, baked, found))
+            rows.append([*line, *[""] * (10 - len(line))])
+            print("  ".join(map(str, rows[-1])), flush=True)
+    head = ["scene", "quality", "error", "luxel, s", "Mitsuba samples", "s", "ratio", "Cycles samples", "s", "ratio"]
+    return table(head, rows) + (f"\n\n{cycles.name}." if cycles else "")
+
+
+def _by_mitsuba(peer: Mitsuba, found: Truth) -> tuple[list[int], list[float], list[float]]:
+    """Samples, seconds for all luxels, and errors; a part of the luxels is traced and the time of all of them scaled from it."""
+    counts, seconds, errors = [16, 64, 256], [], []
+    peer.irradiance(found.chosen[:64], 4, 1)
+    for count in counts:
+        start = time.perf_counter()
+        values = np.zeros((len(peer.baked.luxels.area), 3))
+        values[found.chosen] = peer.irradiance(found.chosen, count, 99 + count)
+        seconds.append((time.perf_counter() - start) / len(found.chosen) * int(peer.baked.valid.sum()))
+        errors.append(found.error(values))
+    return counts, seconds, errors
+
+
+def _by_cycles(cycles: Cycles, baked: Baked, found: Truth) -> tuple[list[int], list[float], list[float]]:
+    counts = [16, 64, 256, 1024]
+    seconds, values = cycles.bake(baked, counts, 2)
+    return counts, seconds, [found.error(v) for v in values]
+
+
+def _equal(error: float, ours: float, counts: list[int], seconds: list[float], errors: list[float]) -> list[str]:
+    """Samples and seconds at which the peer has the error, by a line through the logarithms of what was measured; and how much longer it takes."""
+    slope, offset = np.polyfit(np.log(counts), np.log(errors), 1)
+    samples = float(np.exp((np.log(error) - offset) / slope))
+    per_sample, fixed = np.polyfit(counts, seconds, 1)
+    taken = max(float(per_sample * samples + max(fixed, 0.0)), 1e-9)
+    return [f"{samples:,.0f}", f"{taken:.1f}", f"{taken / ours:.1f}x"]
+
+
+# Relighting and growth
+
+
+def relight_table(repeats: int) -> str:
+    """`Transport.solve` after other emission."""
+    rows = []
+    for name in ROOMS:
+        baked = bake(SCENES[name](), tolerance=1e-3, transport=True)
+        transport = baked.transport
+        assert transport is not None
+        brighter = baked.luxels.emission * np.float32(1.5)
+        darker = baked.luxels.albedo * np.float32(0.8)
+        one, colours = alternating(repeats, partial(transport.solve, brighter), partial(transport.solve, albedo=darker))
+        apart = np.abs(transport.solve() - baked.irradiance).max(1)[baked.valid]
+        rms = float(np.sqrt((apart**2).mean()) / baked.irradiance[baked.valid].mean())
+        rows.append([name, f"{len(transport.starts) - 1:,}", milliseconds(median(one)), milliseconds(median(colours)), f"{rms:.2%}"])
+        print("  ".join(map(str, rows[-1])), flush=True)
+    return table(["scene", "patches", "other lights, ms", "other colours, ms", "apart from the bake (RMS)"], rows)
+
+
+_GROWTH = """
+import time, warnings
+from luxel.radiosity.bake import bake
+from luxel.scene.builtin import SCENES
+warnings.simplefilter("ignore")
+bake(SCENES["room-simple"](), seconds=0.0)
+start, laps = time.perf_counter(), []
+
+class Enough(Exception):
+    pass
+
+def watch(unshot, progress):
+    shots = progress.state.ledger[-1].shots
+    laps.append((time.perf_counter() - start, shots, len(progress.prepared.luxels.area)))
+    if shots >= int(sys.argv[2]):
+        raise Enough
+
+try:
+    bake(SCENES["room-complex"](), page=int(sys.argv[1]), progress=watch)
+except Enough:
+    pass
+print(json.dumps([laps[0], laps[-1], peak()]))
+"""
+
+
+def scale_table(pages: list[int], most: int) -> str:
+    """The first shots of room-complex on larger pages, each in a process of its own."""
+    rows = []
+    for page in pages:
+        (began, before, luxels), (ended, after, _), peak = memory.run(_GROWTH, page, most)
+        shot = (ended - began) / (after - before)
+        rows.append([f"{luxels:,}", f"{began:.1f}", f"{1e3 * shot:.2f}", f"{1e9 * shot / luxels:.1f}", f"{peak / 1e6:,.0f}"])
+        print("  ".join(rows[-1]), flush=True)
+    note = f"Of the first {most:,} shots; those that come later find kept what earlier ones have computed, and are cheaper."
+    return table(["luxels", "to the first shots, s", "ms a shot", "ns a shot and luxel", "peak, MB"], rows) + f"\n\n{note}"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("parts", nargs="*", help=f"of {', '.join(PARTS)}; all")
+    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--quick", action="store_true", help="fewer paths, and no more than 1 M luxels")
+    parser.add_argument("--keep", type=Path, help="folder for the path-traced references")
+    parser.add_argument("--picture", action="store_true", help="draw the Cornell box's error into docs/gallery (minutes)")
+    parser.add_argument("--write", action="store_true", help="put the tables into RESULTS.md")
+    options = parser.parse_args()
+    wanted = set(options.parts or PARTS)
+    if wanted - set(PARTS):
+        parser.error(f"no part {min(wanted - set(PARTS))!r}")
+    warnings.simplefilter("ignore", luxel.LuxelWarning)
+    print(machine(), flush=True)
+    pages = [1024, 2048, 3500] + ([] if options.quick else [7000])
+    jobs = {
+        "rooms": ("The paper's rooms, `normal`, to 0.1 % unshot; medians", lambda: rooms_table(options.repeats)),
+        "truth": ("Truth", lambda: truth_table(cases(options.quick), options.keep)),
+        "peers": ("Time to equal error, 2 threads", lambda: peers_table(cases(options.quick), options.keep, options.repeats)),
+        "relight": ("Relighting, by the transport that was kept", lambda: relight_table(options.repeats)),
+        "scale": ("Growth: room-complex with more luxels", lambda: scale_table(pages, 1000)),
+    }
+    text = [machine() + "."]
+    for part in PARTS:
+        if part in wanted:
+            title, job = jobs[part]
+            print(f"\n{title}", flush=True)
+            try:
+                text.append(f"### {title}\n\n{job()}")
+            except Missing as missing:
+                text.append(f"### {title}\n\nMissing: {missing}.")
+            print(text[-1], flush=True)
+    if options.picture:
+        draw_error(cases(True)[0], 4096, options.keep, ROOT / "docs" / "gallery" / "bake-error.png")
+    if options.write:
+        write_section("Bake", "\n\n".join(text))
+
+
+if __name__ == "__main__":
+    main()
