@@ -150,10 +150,7 @@ def _many(count: int) -> str:
 
 
 def _stages(cases: list[Case]) -> str:
-    def label(case: Case) -> str:
-        return f"{case.name}, {_many(case.triangles)}" + (f", MSAA {case.samples}" if case.samples > 1 else "")
-
-    rows = [[label(case), *(f"{1e3 * case.stages[stage]:.1f}" for stage in STAGES)] for case in cases]
+    rows = [[_label(case), *(f"{1e3 * case.stages[stage]:.1f}" for stage in STAGES)] for case in cases]
     return table(["ms", *STAGES], rows)
 
 
@@ -167,6 +164,25 @@ def _floors(cases: list[Case], bandwidth: float) -> str:
     return table(["triangles", "MB moved", "floor, ms", "luxel, ms", "above the floor"], rows)
 
 
+def _label(case: Case) -> str:
+    return f"{case.name}, {_many(case.triangles)}" + (f", MSAA {case.samples}" if case.samples > 1 else "")
+
+
+def _short(cases: list[Case]) -> str:
+    """The cases that stay below what luxel aims at, and the stage that takes most of their time."""
+    below = []
+    for case in cases:
+        aim = 4.0 if case.samples > 1 else 3.0 if case.triangles >= 100_000 else 2.0
+        ratio, threads = math.inf if case.peer is None else case.peer / case.two, case.one / case.two
+        if ratio < aim or threads < 1.8:
+            stage = max(STAGES, key=lambda name: case.stages[name])
+            missed = [f"{ratio:.1f}x llvmpipe of {aim:.0f}x"] * (ratio < aim) + [f"{threads:.2f}x by threads"] * (threads < 1.8)
+            below.append([_label(case), " and ".join(missed), f"{stage}, {case.stages[stage] / sum(case.stages.values()):.0%}"])
+    if not below:
+        return "All of them are reached."
+    return table(["not reached", "measured", "most of the time"], below)
+
+
 def _text(cases: list[Case], peer: str, bandwidth: float, peak: str, options: Any) -> str:
     apart = [case.apart for case in cases if case.apart is not None]
     same = f" Pixels in which the two pictures differ visibly: at most {max(apart):.2%}." if apart else ""
@@ -176,6 +192,14 @@ def _text(cases: list[Case], peer: str, bandwidth: float, peak: str, options: An
 llvmpipe with {options.threads} in turns. Lambert-lit; llvmpipe leaves its colours linear, luxel encodes them as sRGB and makes coverage alpha.{same}
 
 {table(HEAD, [case.row() for case in cases])}
+
+The aims are twice as fast as llvmpipe at every size, three times from 100 k triangles on, four times with MSAA 4, and 1.8 times as fast with two
+threads as with one. What limits small scenes is work by the pixel, which no triangle count takes away: fragments are filled, lit and encoded. It is
+arithmetic, not memory (see the floor). Why two threads gain less there is not known: what one thread does alone takes under half a millisecond.
+What brought it here: planes of a triangle set up once a tile and runs filled eight fragments at a time, triangles judged and set up in vector
+registers, whole opaque pixels written straight to the picture, memory used again, one loop for Lambert under a directional light.
+
+{_short(cases)}
 
 Time by stage, all threads:
 
