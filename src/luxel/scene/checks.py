@@ -102,7 +102,8 @@ def check_lights(lights: list[Light], ambient: Ambient | None) -> None:
 def _check_ref(ref: Any, count: int, where: str) -> None:
     kind([ref], TextureRef, where)
     if not isinstance(ref.texture, (int, np.integer)) or not 0 <= ref.texture < count:
-        raise InputError(f"{where}: texture {ref.texture!r} of {count}")
+        what = repr(ref.texture) if isinstance(ref.texture, (int, np.integer)) else type(ref.texture).__name__
+        raise InputError(f"{where}: expected the number of one of the scene's {count} textures, got {what}")
     if ref.texcoord not in (0, 1):
         raise InputError(f"{where}, texcoord: expected 0 or 1, got {ref.texcoord!r}")
     numbers(ref.offset, 2, f"{where}, offset")
