@@ -229,3 +229,15 @@ def test_a_time_budget_stops_the_shooting(lamp_room):
     baked = bake(lamp_room, density=20, seconds=1e-9)
     assert not baked.finished
     check_ledger(baked, escaped=1e-4)  # at its foot the block shows its inside: it has no bottom
+
+
+def test_a_surface_does_not_shine_on_its_own_back():
+    """Turned by odd angles, so that rounding puts parts of a plane before or behind each other."""
+    rng = np.random.default_rng(4)
+    turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    corners = np.array([[-1, 0, 1], [1, 0, 1], [1, 0, -1], [-1, 0, -1]]) @ turn.T + [3.0, 1.9, -2.0]
+    scene = Scene()
+    scene.add(Mesh(corners.astype(np.float32), np.array([[0, 1, 2], [0, 2, 3]], np.int32)), matte(0.5, 1.0, double_sided=True))
+    with pytest.warns(LuxelWarning, match="meets nothing"):
+        baked = bake(scene, density=12)
+    assert np.abs(baked.irradiance).max() < 1e-6

@@ -36,6 +36,7 @@ _F, _I = np.float32, np.int32
 _PER_PI = _F(1 / np.pi)
 _FAR = _F(16.0)  # squared distance over squared radius beyond which a node is taken as a whole
 _FLAT = _F(9.0)  # squared distance over area within which an element is a parallelogram
+_FLUSH = _F(1e-8)  # squared sine over a shooter's plane within which a receiver lies in it, but for rounding
 _BIAS = _F(1.0 - 1e-3)  # of a distance: rounding, and pixels' corners snapped
 _DEEPEST = 64
 
@@ -177,7 +178,7 @@ def node_factor(root, x, y, z, nx, ny, nz, span, child, place, source, stack, co
         cos_s = -(place[node, 4] * dx + place[node, 5] * dy + place[node, 6] * dz)
         if first < 0:
             j = span[node, 0]
-            if cos_s > _F(0.0) and (cos_r > _F(0.0) or r2 < _FLAT * area):
+            if cos_s > _F(0.0) and cos_s * cos_s > _FLUSH * r2 and (cos_r > _F(0.0) or r2 < _FLAT * area):
                 total += _element_factor(j, x, y, z, nx, ny, nz, r2, cos_r, cos_s, corners, source)
         elif cos_r > _F(0.0) and cos_s > _F(0.0):
             cos_n = nx * place[node, 4] + ny * place[node, 5] + nz * place[node, 6]
@@ -234,7 +235,8 @@ def _aim(count, center, frame, place, resolution, near, c):
         over = limit / plane
         c[_LIMIT + i] = -(fr * ((ix + half) * step - one) + fu * (one - (iy + half) * step) + fa) * over
         c[_LIMIT_X + i], c[_LIMIT_Y + i], c[_LEAST + i] = -fr * step * over, fu * step * over, limit * near_by
-        c[_FACES + i] = bits_float(_I(1) if (cos_r > zero) & (cos_s > zero) & (lz > zero) & (plane > zero) else _I(0))
+        above = (cos_s > zero) & (cos_s * cos_s > _FLUSH * square) & (lz > zero)
+        c[_FACES + i] = bits_float(_I(1) if (cos_r > zero) & (plane > zero) & above else _I(0))
 
 
 @jit.inlined
