@@ -16,14 +16,14 @@ from luxel.errors import ExtraMissingError
 if TYPE_CHECKING:
     from luxel.scene import Scene
 
-_DENSITY = {"room": 10.0, "cornell-box": 120.0}  # luxels per metre; the other scenes have nothing that shines
+_DENSITY = {"room": 10.0, "cornell-box": 120.0, "room-simple": None, "room-complex": None}  # luxels per metre; in the other scenes nothing shines
 EXAMPLE = "luxel demo -o room.png --size 1920x1080"
 
 
 def demo(
     output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="The picture: .png, .jpg, .exr or .npz.")] = Path("luxel-demo.png"),
     size: Annotated[str, typer.Option("--size", metavar="WxH", help="Pixels.")] = "1280x720",
-    scene: Annotated[str, typer.Option("--scene", metavar="NAME", help="room, cornell-box, bumpy-sphere or two-triangles.")] = "room",
+    scene: Annotated[str, typer.Option("--scene", metavar="NAME", help=f"{', '.join(_DENSITY)}, bumpy-sphere or two-triangles.")] = "room",
     samples: Annotated[str, typer.Option("--samples", metavar="N", help="Samples a pixel: 1, 2, 4, 8 or 16.")] = "4",
     direct: Annotated[bool, typer.Option("--direct", help="Without baking: lamps alone, no shadows.")] = False,
     quiet: Quiet = False,
@@ -52,7 +52,7 @@ def demo(
     console.result(data, f"{output}  ({width}x{height}, {triangles:,} triangles, {seconds(took)})")
 
 
-def _baked(console: Console, scene: Scene, density: float) -> Scene | None:
+def _baked(console: Console, scene: Scene, density: float | None) -> Scene | None:
     """The scene with its light in it, as a picture shows it; None where what baking needs is not installed, which is said."""
     from luxel.radiosity.bake import bake
     from luxel.scene.builtin.room import GLOW
