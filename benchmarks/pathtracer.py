@@ -76,9 +76,10 @@ class Mitsuba:
 
     def comparable(self) -> Any:
         """(n,) bool: whole texels that are no lamps, and on which nothing stands: where a wall's foot or a leg covers a part, two renderers may
-        well differ in what the rest stands for."""
+        well differ in what the rest stands for; nor those that stand for other texels too, whose footprint would reach beyond the surface."""
         luxels = self.baked.luxels
         ok = self.baked.valid & (luxels.coverage > 0.999) & (luxels.emission.sum(1) == 0)
+        ok &= np.abs(luxels.area / self._texel_areas() - 1) < 0.01
         chosen = np.flatnonzero(ok)
         middle = luxels.position[chosen] + self.lift * luxels.face_normal[chosen].astype(float)
         around = [middle + _SHRINK / 2 * (a * self.right[chosen] + b * self.up[chosen]) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
@@ -86,6 +87,14 @@ class Mitsuba:
         for k in range(4):
             ok[chosen] &= sight.visible(middle, around[k]) & sight.visible(around[k], around[(k + 1) % 4])
         return ok
+
+    def _texel_areas(self) -> Any:
+        """(n,) m2 of surface that a whole texel of each luxel's triangle has."""
+        triangles = self.geometry.triangles[self.baked.luxels.triangle]
+        a, b, c = (self.geometry.positions[triangles[:, k]].astype(float) for k in range(3))
+        p, q, r = (self.geometry.texcoords1[triangles[:, k]].astype(float) * self.baked.atlas.size for k in range(3))
+        texels = (q[:, 0] - p[:, 0]) * (r[:, 1] - p[:, 1]) - (q[:, 1] - p[:, 1]) * (r[:, 0] - p[:, 0])
+        return np.linalg.norm(np.cross(b - a, c - a), axis=1) / np.maximum(np.abs(texels), 1e-12)
 
     def irradiance(self, chosen: Any, samples: int, seed: int) -> Any:
         """(k, 3) W/m2 of the chosen luxels, from so many paths each."""
