@@ -5,10 +5,12 @@ import json
 import numpy as np
 import pytest
 
+from luxel.errors import ExtraMissingError
 from luxel.hardware.interpolator import LUXEL, PAPER
 from luxel.hardware.reciprocal import SMALL, WIDE
+from luxel.hardware.synthesis import designs, tools
 from luxel.studies import find
-from luxel.studies.hardware import accuracy, pictures, tables
+from luxel.studies.hardware import accuracy, circuit, pictures, tables
 from luxel.studies.report import Report
 from luxel.studies.study import HERE, Context
 
@@ -86,3 +88,34 @@ def test_blocks_add_up(results):
         assert row["rejected, %"] + row["accepted, %"] + row["kept in vain, %"] <= 100
         assert row["fragments a block tried"] <= row["fragments a kept block"] <= 64
     assert results[1]["blocks"][-1]["accepted, %"] > results[1]["blocks"][0]["accepted, %"] == 0
+
+
+def circuit_part(folder, quick):
+    report = Report(folder, find("hardware"), quick=quick)
+    circuit.modules(Context(quick=quick), report)
+    return json.loads((folder / "results.json").read_text())["tables"], (folder / "README.md").read_text()
+
+
+def test_a_quick_run_simulates_the_circuit_and_synthesises_nothing(tmp_path, monkeypatch):
+    pytest.importorskip("amaranth", reason="the extra hdl is not installed")
+    ran = []
+    monkeypatch.setattr(tools, "available", lambda tool: True)
+    monkeypatch.setattr(tools, "run", lambda tool, *rest: ran.append(tool))
+    data, _ = circuit_part(tmp_path, quick=True)
+    assert ran == []
+    assert set(data) == {"circuit"}
+    clocks = {row["module"]: row["latency, clocks"] for row in data["circuit"]}
+    assert list(clocks) == ["area", "reciprocal", "scan", "barycentrics", "color", "whole"]
+    chain = [clocks[name] for name in ("scan", "barycentrics", "color")]
+    assert max(chain) < clocks["whole"] < sum(chain)  # the whole has one FIFO at the end, not three
+    assert {row["module"] for row in data["circuit"] if row["takes one a clock"] == "triangle"} == {"area", "reciprocal"}
+
+
+def test_without_its_extra_the_circuit_is_left_out(tmp_path, monkeypatch):
+    def missing(names=None):
+        raise ExtraMissingError("amaranth", "hdl", "the circuit")
+
+    monkeypatch.setattr(designs, "designs", missing)
+    data, text = circuit_part(tmp_path, quick=False)
+    assert data == {}
+    assert "The circuit is left out: the circuit needs the package amaranth: pip install 'luxel[hdl]'." in text

@@ -10,7 +10,7 @@ import typer
 
 from luxel.cli import values
 from luxel.cli.console import Console, Json, Quiet, seconds
-from luxel.errors import FileError
+from luxel.errors import FileError, InputError
 
 EXAMPLE = "luxel hardware synth --liberty cells.lib"
 HELP = "The colour interpolator as a circuit: Verilog, pictures through its simulation, synthesis."
@@ -28,6 +28,7 @@ def verilog(
     from luxel.hardware.rtl.verilog import write
     from luxel.hardware.synthesis.designs import designs
 
+    _folder(output, "--output")
     files = write(designs([module])[0], output)
     text = f"{len(files) - 1} modules in {output}; try: iverilog -g2005 -s {files[-1].stem} -c {files[-1].name}"
     Console(quiet, as_json).result({"files": [str(path) for path in files]}, text)
@@ -77,15 +78,18 @@ def synth(
     as_json: Json = False,
 ) -> None:
     """Synthesise the circuit: Yosys and nextpnr for an ECP5, or Yosys and OpenSTA for standard cells. Takes minutes."""
-    from luxel.hardware.synthesis import liberty, report
+    from luxel.hardware.synthesis import ecp5, liberty, report
     from luxel.hardware.synthesis.designs import designs
 
     console = Console(quiet, as_json)
     each = designs(module)
-    counts = values.whole(seeds, "--seeds", 1), values.whole(speed, "--speed", 6), values.whole(jobs, "--jobs", 1)
+    counts = values.whole(seeds, "--seeds", 1), values.whole(speed, "--speed", 6, 8), values.whole(jobs, "--jobs", 1)
+    values.choice(device, ecp5.DEVICES, "--device")
+    if device.startswith("um5g") and counts[1] != 8:
+        raise InputError(f"--speed: expected 8, the only one of {device}, got {speed!r}")
     cells = None if library is None else liberty.read(library)
-    if keep is not None and keep.exists() and not keep.is_dir():
-        raise FileError(keep, "--keep: expected a folder")
+    if keep is not None:
+        _folder(keep, "--keep")
     with tempfile.TemporaryDirectory() as scratch, console.work("synthesis") as progress:
         folder = (keep or Path(scratch)).resolve()
         if cells is not None:
@@ -95,6 +99,12 @@ def synth(
     what = f"{library.name}, typical or what the file says, before layout" if library else f"ECP5 {device}, speed {speed}, median of {seeds} seeds"
     text = f"{what}\n\n{report.table(rows)}\n\n" + "\n".join(f"{row['module']}: {row['slowest path']}" for row in rows)
     console.result({"target": what, "paper_MHz": report.PAPER_MHZ, "modules": rows}, text)
+
+
+def _folder(path: Path, option: str) -> None:
+    """Refuse what is no folder before work begins."""
+    if path.exists() and not path.is_dir():
+        raise FileError(path, f"{option}: expected a folder, found a file")
 
 
 COMMANDS = (

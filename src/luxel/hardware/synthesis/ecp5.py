@@ -11,6 +11,8 @@ from typing import Any
 from luxel.hardware.synthesis import tools
 from luxel.hardware.synthesis.designs import Design
 
+DEVICES = ("12k", "25k", "45k", "85k", "um-25k", "um-45k", "um-85k", "um5g-25k", "um5g-45k", "um5g-85k")
+"""As nextpnr names them; those of um5g have only speed grade 8."""
 _REGISTERS = ("INPUTA", "INPUTB", "PIPELINE", "OUTPUT")
 _SMALL = 19  # product bits up to which logic is as good as a hard multiplier
 _FREQUENCY = "300"  # MHz that placing and routing tries for
