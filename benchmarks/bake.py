@@ -200,9 +200,9 @@ def peers_table(chosen: list[Case], keep: Path | None, repeats: int) -> str:
             print("  ".join(rows[-1]), flush=True)
     head = ["scene", "quality", "error", "luxel, s", "Mitsuba samples", "s", "ratio", "Cycles samples", "s", "ratio"]
     note = (
-        "The whole bake by luxel (unwrapping included, kernels compiled before), medians. For the peers the samples that give the same error, and their "
-        "time for all luxels, read off lines through what was measured at 16 to 256 samples (Mitsuba, on the luxels compared, scaled to all) and at 16 "
-        f"to 1024 (Cycles, the whole lightmap). 2 threads each. Peers: {peer.name}{', ' + cycles.name if cycles else ''}."
+        "The whole bake by luxel (unwrapping included, kernels compiled before), medians. For the peers the samples that give the same error, and "
+        "their time for all luxels, read off lines through what was measured at 16 to 256 samples (Mitsuba, on the luxels compared, scaled to all) "
+        f"and at 16 to 1024 (Cycles, the whole lightmap). 2 threads each. Peers: {peer.name}{', ' + cycles.name if cycles else ''}."
     )
     return f"{table(head, rows)}\n\n{note}"
 
