@@ -46,7 +46,7 @@ _MOST_BACKS = 0.5
 _FEW_VALID, _MUCH_LOST = 0.5, 0.98
 """Shares of valid luxels and of escaped light that are worth a word."""
 
-_SKY_DIRECTIONS = {"draft": 64, "normal": 128, "final": 512, "reference": 2048}
+_SKY_DIRECTIONS = {"draft": 128, "normal": 512, "final": 2048, "reference": 2048}
 _SAVE_EVERY = 30.0  # seconds
 
 
