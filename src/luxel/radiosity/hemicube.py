@@ -11,6 +11,7 @@ Depth is near / (distance along the face's axis): 1 at the near plane, 0 at infi
 
 from __future__ import annotations
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -242,6 +243,7 @@ def frames_of(normals: Array) -> Array:
     return np.stack([right, up, n], 1).astype(np.float32)
 
 
+@cache
 def delta_form_factors(resolution: int) -> Array:
     """(5, resolution, resolution) float64: the form factor of each pixel, from a differential element at the cube's centre; 0 below the
     horizon; they sum to 1 (Cohen and Greenberg 1985, eq. 7 and 8, integrated over the pixel and not only sampled)."""
@@ -259,4 +261,6 @@ def delta_form_factors(resolution: int) -> Array:
 
     top = over_pixels(corner(x, y))
     flank = over_pixels(side(x, np.maximum(y, 0.0)))
-    return np.stack([top, flank, flank, flank, flank])
+    factors = np.stack([top, flank, flank, flank, flank])
+    factors.flags.writeable = False  # it is handed out again
+    return factors

@@ -22,7 +22,8 @@ from luxel.radiosity.hemicube import frames_of, see
 from luxel.radiosity.patches import Tree, middles
 from luxel.radiosity.transport import AREA, BLOCK, PX, PZ, Elements, Occluders, Shooters, Visibility, fill_rows, receive
 
-_BATCH = 64
+_BATCH = 128
+_SHARE = 16  # of the patches, at most, shoot at a time: the brightest are known anew after each batch
 _SCALE_RANGE = 0.25, 4.0
 """A row's sum is put right by no more than this; what is left over counts as escaped."""
 
@@ -258,7 +259,7 @@ def steps(problem: Problem, state: State, rows: Rows, light_rows: Rows, toleranc
             total = state.power.sum(1)
             if not total.sum() > tolerance * state.emitted.sum():
                 return
-            chosen = np.sort(np.argsort(-total, kind="stable")[: max(1, min(_BATCH, len(total) // 8))])
+            chosen = np.sort(np.argsort(-total, kind="stable")[: max(1, min(_BATCH, len(total) // _SHARE))])
             chosen = chosen[total[chosen] > 0]
             radiosity = state.power[chosen] / (tree.place[tree.patches[chosen], 7].astype(np.float64))[:, None]
             source = problem.patches
