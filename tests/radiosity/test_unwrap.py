@@ -292,17 +292,36 @@ def test_real_scenes(meshes):
 
 def test_another_process_makes_the_same(monkeypatch):
     scene, seen = SCENES["cornell-box"](), []
-    here = unwrap(scene, 10.0)
-    monkeypatch.setattr(packing, "LARGE", 1)
     there = unwrap(scene, 10.0, progress=seen.append)
+    monkeypatch.setattr(packing, "_elsewhere", lambda sheets, wishes, expected, progress: packing._pack(sheets, wishes))
+    here = unwrap(scene, 10.0)
     assert here.chart.tobytes() == there.chart.tobytes()
     assert all(a.texcoords1.tobytes() == b.texcoords1.tobytes() for a, b in zip(here.scene.meshes, there.scene.meshes, strict=True))
     assert all(0 < share < 1 for share in seen)
     assert seen == sorted(seen)
 
 
-def test_the_end_of_the_other_process_is_told(monkeypatch):
-    monkeypatch.setattr(packing, "LARGE", 1)
+def test_a_process_that_crashes_is_started_anew(monkeypatch):
+    work, calls = packing._elsewhere, []
+
+    def crash(*args):
+        calls.append(len(calls))
+        if len(calls) < packing.TRIES:
+            raise packing._CrashedError("ended with -11")
+        return work(*args)
+
+    monkeypatch.setattr(packing, "_elsewhere", crash)
+    assert len(unwrap(SCENES["cornell-box"](), 10.0).chart)
+    assert len(calls) == packing.TRIES
+    monkeypatch.setattr(packing, "TRIES", 9)
+    calls.clear()
+    monkeypatch.setattr(packing, "_elsewhere", lambda *args: calls.append(1) or (_ for _ in ()).throw(packing._CrashedError("ended with -11")))
+    with pytest.raises(luxel.LuxelError, match="ended with -11"):
+        unwrap(SCENES["cornell-box"](), 10.0)
+    assert len(calls) == 9
+
+
+def test_the_end_of_the_other_process_is_told():
     corners, faces = np.zeros((3, 3), np.float32), np.array([[0, 1, 7]], np.uint32)
     with pytest.raises(luxel.LuxelError, match=r"xatlas, which makes lightmap coordinates, ended with 1: .*[Oo]ut of range"):
         packing.pack([packing.Sheet(corners, faces, corners)], packing.Wishes(64, 1, 100.0, 1.0))
