@@ -17,6 +17,7 @@ import numpy as np
 
 from luxel import jit
 from luxel.arrays import Array
+from luxel.clock import Clock
 from luxel.errors import InputError, LuxelWarning
 from luxel.radiosity import checkpoint as saving
 from luxel.radiosity import lightmap
@@ -150,7 +151,7 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
     """
     settings = _quality(quality, tolerance)
     threads = jit.checked_threads(threads)
-    clock = _Clock()
+    clock = Clock()
     prepared = _prepare(scene, settings, density, page, threads, clock)
     punctual, table = _lights(prepared.atlas.scene, sky, quality if isinstance(quality, str) else "normal")
     problem = prepared.cut.problem
@@ -233,7 +234,7 @@ def _quality(quality: str | Quality, tolerance: float | None) -> Quality:
     return quality
 
 
-def _prepare(scene: Any, settings: Quality, density: float | None, page: int, threads: int, clock: _Clock) -> _Prepared:
+def _prepare(scene: Any, settings: Quality, density: float | None, page: int, threads: int, clock: Clock) -> _Prepared:
     if not isinstance(scene, Scene):
         from luxel.io import load
 
@@ -305,16 +306,3 @@ def _shoot_all(shooting: Iterator[State], prepared: _Prepared, state: State, dea
         if keep:
             saving.save(*keep, state)
     return True
-
-
-class _Clock:
-    """Seconds by stage."""
-
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
-        self.last = time.perf_counter()
-
-    def lap(self, stage: str) -> None:
-        now = time.perf_counter()
-        self.seconds[stage] = self.seconds.get(stage, 0.0) + now - self.last
-        self.last = now

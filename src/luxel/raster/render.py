@@ -17,6 +17,7 @@ import numpy as np
 
 from luxel import jit
 from luxel.arrays import Array, checked
+from luxel.clock import Clock
 from luxel.errors import InputError
 from luxel.hardware import interpolator
 from luxel.memory import reusable
@@ -296,7 +297,7 @@ def _see(prepared: Prepared, camera: Camera | None, size: tuple[int, int], previ
 def _draw(prepared: Prepared, camera: Camera | None, size: tuple[int, int], options: Options, previous: Camera | None,
           progress: Callable[[float], None] | None, rows: tuple[int, int] | None = None) -> Picture:  # fmt: skip
     """Draw the pixel rows `rows` (all if None) of a picture."""
-    clock = _Clock()
+    clock = Clock()
     width, height = size
     first, last = rows or (0, height)
     assert options.threads is not None
@@ -375,21 +376,8 @@ def _look(prepared: Prepared, seen: _View, options: Options) -> Look:
     return Look(prepared.materials, seen.lights, seen.eye, seen.features, np.float32(2.0**options.exposure), options.fill)
 
 
-class _Clock:
-    """Seconds by stage."""
-
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
-        self.last = time.perf_counter()
-
-    def lap(self, stage: str) -> None:
-        now = time.perf_counter()
-        self.seconds[stage] = self.seconds.get(stage, 0.0) + now - self.last
-        self.last = now
-
-
 def _draw_window(prepared: Prepared, seen: _View, window: Window, keep: tuple[int, int, int, int], place: tuple[int, int], options: Options,
-                 target: Target, outputs: Outputs, clock: _Clock, progress: Callable[[float], None] | None) -> None:  # fmt: skip
+                 target: Target, outputs: Outputs, clock: Clock, progress: Callable[[float], None] | None) -> None:  # fmt: skip
     geometry, threads, pattern, tile = seen.geometry, options.threads or 1, options.positions, options.tile
     screen, unsafe = project(geometry.positions, seen.view, window, threads)
     clock.lap("project")
@@ -413,7 +401,7 @@ class _Band:
     """Draws bands of a window's tile rows, one after the other in the same buffers."""
 
     def __init__(self, prepared: Prepared, seen: _View, window: Window, keep: tuple[int, int, int, int], place: tuple[int, int],
-                 options: Options, target: Target, outputs: Outputs, clock: _Clock, screen: Array, clipped: Any,
+                 options: Options, target: Target, outputs: Outputs, clock: Clock, screen: Array, clipped: Any,
                  bins: dict[int, Bins]) -> None:  # fmt: skip
         self.materials, self.seen, self.window, self.keep, self.place, self.options = prepared.materials, seen, window, keep, place, options
         self.drawn, self.look = drawn(seen.geometry, screen, clipped), _look(prepared, seen, options)
