@@ -31,6 +31,7 @@ _LAUNCHERS = ("PMI_RANK", "PMIX_RANK", "PMI_ID", "OMPI_COMM_WORLD_RANK", "MPI_LO
 _FAILED = 2
 _PATIENCE = 0.002  # seconds of waiting without sleep
 _NAP = 0.005
+_LAST_WORD = 0.5  # seconds that the launcher has to pass on what a rank said before it stops them all
 
 
 class Comm:
@@ -204,6 +205,7 @@ class _Ranks(Comm):
         elif not isinstance(error, KeyboardInterrupt):
             text = "".join(traceback.format_exception(error))
             print(f"luxel: rank {self.rank} of {self.size}:\n{text}", file=sys.stderr, flush=True)  # noqa: T201
+        time.sleep(_LAST_WORD)  # a launcher that is told to stop drops what it has not read yet
         self._comm.Abort(_FAILED)
 
 
