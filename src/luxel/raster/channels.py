@@ -1,16 +1,15 @@
 """Where the quantities of a batch of fragments lie: a structure of arrays in one flat float32 buffer.
 
 A batch is `g`: float32 (BATCH,). Channel X of fragment i is `g[X + i]`: the names below are the offsets of the rows, constants that
-the compiler sees. So it knows that rows never overlap and vectorises loops over fragments without run-time checks. The pitch of the
-rows is a little more than FRAGMENTS, because rows that lie a power of two apart would fight for the same lines of the cache.
+the compiler sees. So it knows that rows never overlap and vectorises loops over fragments without run-time checks.
 
 The driver fills what the features of the materials and lights ask for (`materials.NEEDS_*`, `LightTable.punctual`); what is not
 asked for may hold anything. A batch of vertices works as well (Gouraud). Units: metres, radiance W/(m2 sr), irradiance W/m2, all
 colours linear.
 """
 
-FRAGMENTS = 512
-PITCH = FRAGMENTS + 16
+from luxel.raster.batch import FRAGMENTS as FRAGMENTS
+from luxel.raster.batch import PITCH
 
 # In, with NEEDS_NORMAL: interpolated normal, in world space, of any length. Out of `surface`: unit shading normal.
 NX, NY, NZ = (PITCH * row for row in range(3))

@@ -66,6 +66,44 @@ def clip_polygon(p, q, n, least_depth, guard):
     return n
 
 
+@jit.device
+def cut(p, q, t, positions, triangles, m, least_depth, guard):
+    """Cut triangle `t` into the polygon in `p`; returns its corners, 0 if nothing is left. `q` is scratch."""
+    for i in range(3):
+        v = triangles[t, i]
+        x, y, z = np.float64(positions[v, 0]), np.float64(positions[v, 1]), np.float64(positions[v, 2])
+        for k in range(4):
+            p[i, k] = m[k, 0] * x + m[k, 1] * y + m[k, 2] * z + m[k, 3]
+        for k in range(3):
+            p[i, 4 + k] = 1.0 if i == k else 0.0
+    return clip_polygon(p, q, 3, least_depth, guard)
+
+
+@jit.device
+def write_piece(p, piece, row, half_w, half_h, left, top, screen, screen_f, corners):
+    """Write the triangle `piece` of the fan of the polygon `p` in row `row`; (left, top) is the window's corner in fixed point, float64."""
+    for k in range(3):
+        i = 0 if k == 0 else piece + k
+        iw = 1.0 / p[i, 3]
+        screen[row, k, 0] = np.int32(math.floor(p[i, 0] * iw * half_w + half_w + 0.5) - left)
+        screen[row, k, 1] = np.int32(math.floor(half_h - p[i, 1] * iw * half_h + 0.5) - top)
+        screen_f[row, k, 2] = np.float32(max(min(p[i, 2] * iw, 1.0), 0.0))
+        screen_f[row, k, 3] = np.float32(iw)
+        for corner in range(3):
+            corners[row, k, corner] = np.float32(p[i, 4 + corner])
+
+
+@jit.inlined
+def needs_clipping(screen, a, b, c):
+    """Whether the triangle of these vertices has an unsafe one, and may be seen."""
+    if screen[a, 0] != UNSAFE and screen[b, 0] != UNSAFE and screen[c, 0] != UNSAFE:
+        return False
+    code_a = screen[a, 1] if screen[a, 0] == UNSAFE else 0
+    code_b = screen[b, 1] if screen[b, 0] == UNSAFE else 0
+    code_c = screen[c, 1] if screen[c, 0] == UNSAFE else 0
+    return code_a & code_b & code_c == 0 and (code_a | code_b | code_c) & OUT_NAN == 0
+
+
 @jit.parallel_kernel
 def _find(queue, triangles, screen, found, count):
     """Triangles of each chunk that have an unsafe vertex and may be seen, in order, from found[chunk * _CHUNK] on."""
@@ -74,14 +112,9 @@ def _find(queue, triangles, screen, found, count):
     while chunk * _CHUNK < m:
         place = chunk * _CHUNK
         for t in range(chunk * _CHUNK, min(m, (chunk + 1) * _CHUNK)):
-            a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-            if screen[a, 0] == UNSAFE or screen[b, 0] == UNSAFE or screen[c, 0] == UNSAFE:
-                code_a = screen[a, 1] if screen[a, 0] == UNSAFE else 0
-                code_b = screen[b, 1] if screen[b, 0] == UNSAFE else 0
-                code_c = screen[c, 1] if screen[c, 0] == UNSAFE else 0
-                if code_a & code_b & code_c == 0 and (code_a | code_b | code_c) & OUT_NAN == 0:
-                    found[place] = t
-                    place += 1
+            if needs_clipping(screen, triangles[t, 0], triangles[t, 1], triangles[t, 2]):
+                found[place] = t
+                place += 1
         count[chunk] = place - chunk * _CHUNK
         chunk = jit.take(queue)
 
@@ -95,28 +128,12 @@ def _clip(queue, candidates, positions, triangles, m, least_depth, guard, window
     c = jit.take(queue)
     while c < len(candidates):
         t = candidates[c]
-        for i in range(3):
-            v = triangles[t, i]
-            x, y, z = np.float64(positions[v, 0]), np.float64(positions[v, 1]), np.float64(positions[v, 2])
-            for k in range(4):
-                p[i, k] = m[k, 0] * x + m[k, 1] * y + m[k, 2] * z + m[k, 3]
-            for k in range(3):
-                p[i, 4 + k] = 1.0 if i == k else 0.0
-        n = clip_polygon(p, q, 3, least_depth, guard)
+        n = cut(p, q, t, positions, triangles, m, least_depth, guard)
         pieces[c] = max(n - 2, 0)
         if len(start) > 0:
             for piece in range(n - 2):
-                row = start[c] + piece
-                source[row] = t
-                for k in range(3):
-                    i = 0 if k == 0 else piece + k
-                    iw = 1.0 / p[i, 3]
-                    screen[row, k, 0] = np.int32(math.floor(p[i, 0] * iw * half_w + half_w + 0.5) - wx)
-                    screen[row, k, 1] = np.int32(math.floor(half_h - p[i, 1] * iw * half_h + 0.5) - wy)
-                    screen_f[row, k, 2] = np.float32(max(min(p[i, 2] * iw, 1.0), 0.0))
-                    screen_f[row, k, 3] = np.float32(iw)
-                    for corner in range(3):
-                        corners[row, k, corner] = np.float32(p[i, 4 + corner])
+                source[start[c] + piece] = t
+                write_piece(p, piece, start[c] + piece, half_w, half_h, wx, wy, screen, screen_f, corners)
         c = jit.take(queue)
 
 

@@ -90,15 +90,50 @@ def to_fixed(ndc, offset, size, origin):
     return math.floor((ndc * 0.5 + offset) * size * 256.0 + 0.5) - origin * 256.0
 
 
+@jit.inlined
+def place(m, x, y, z, half_w, half_h, left, top):
+    """Of a world position: fixed-point x and y from the window's (left, top), depth and weight; all float64. `m` has the 16 numbers of
+    clip_from_world, `half_w` and `half_h` are half the picture's size in fixed point."""
+    iw = 1.0 / (m[12] * x + m[13] * y + m[14] * z + m[15])
+    return (
+        np.floor((m[0] * x + m[1] * y + m[2] * z + m[3]) * iw * half_w + half_w + 0.5) - left,
+        np.floor(half_h - (m[4] * x + m[5] * y + m[6] * z + m[7]) * iw * half_h + 0.5) - top,
+        (m[8] * x + m[9] * y + m[10] * z + m[11]) * iw,
+        iw,
+    )
+
+
+@jit.inlined
+def is_unsafe(x, y, depth, weight, least_depth):
+    """1 if what `place` gave is beyond the near or far plane or the guard band, else 0. Every comparison is false for a NaN, which is unsafe."""
+    flag = 0 if weight > 0.0 else 1
+    flag |= 0 if depth <= 1.0 else 1
+    flag |= 0 if depth >= least_depth else 1
+    flag |= 0 if x >= SAFE_LOW else 1
+    flag |= 0 if x <= SAFE_HIGH else 1
+    flag |= 0 if y >= SAFE_LOW else 1
+    flag |= 0 if y <= SAFE_HIGH else 1
+    return flag
+
+
+@jit.inlined
+def why_unsafe(m, x, y, z, least_depth):
+    """`out_code` of a world position."""
+    return out_code(
+        m[0] * x + m[1] * y + m[2] * z + m[3], m[4] * x + m[5] * y + m[6] * z + m[7], m[8] * x + m[9] * y + m[10] * z + m[11],
+        m[12] * x + m[13] * y + m[14] * z + m[15], least_depth,
+    )  # fmt: skip
+
+
 @jit.parallel_kernel
 def _project(queue, positions, m, least_depth, window, screen, screen_f, unsafe):
     n = len(positions)
     wx, wy = np.float64(window[0]) * 256.0, np.float64(window[1]) * 256.0
     half_w, half_h = np.float64(window[4]) * 128.0, np.float64(window[5]) * 128.0
-    m00, m01, m02, m03 = m[0, 0], m[0, 1], m[0, 2], m[0, 3]
-    m10, m11, m12, m13 = m[1, 0], m[1, 1], m[1, 2], m[1, 3]
-    m20, m21, m22, m23 = m[2, 0], m[2, 1], m[2, 2], m[2, 3]
-    m30, m31, m32, m33 = m[3, 0], m[3, 1], m[3, 2], m[3, 3]
+    rows = (
+        m[0, 0], m[0, 1], m[0, 2], m[0, 3], m[1, 0], m[1, 1], m[1, 2], m[1, 3],
+        m[2, 0], m[2, 1], m[2, 2], m[2, 3], m[3, 0], m[3, 1], m[3, 2], m[3, 3],
+    )  # fmt: skip
     # Blocks of planar arrays and one short loop a step, so that the arithmetic runs in vector registers: five times as fast.
     px, py, pz = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
     fx, fy, fd, fw = np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK)
@@ -112,21 +147,10 @@ def _project(queue, positions, m, least_depth, window, screen, screen_f, unsafe)
                 px[i], py[i], pz[i] = positions[start + i, 0], positions[start + i, 1], positions[start + i, 2]
             for i in range(count):
                 x, y, z = np.float64(px[i]), np.float64(py[i]), np.float64(pz[i])
-                w = m30 * x + m31 * y + m32 * z + m33
-                iw = 1.0 / w
-                fx[i] = np.floor((m00 * x + m01 * y + m02 * z + m03) * iw * half_w + half_w + 0.5) - wx
-                fy[i] = np.floor(half_h - (m10 * x + m11 * y + m12 * z + m13) * iw * half_h + 0.5) - wy
-                fd[i] = (m20 * x + m21 * y + m22 * z + m23) * iw
-                fw[i] = iw
+                fx[i], fy[i], fd[i], fw[i] = place(rows, x, y, z, half_w, half_h, wx, wy)
             any_wrong = 0
-            for i in range(count):  # every comparison is false for a NaN, which therefore is wrong
-                flag = 0 if fw[i] > 0.0 else 1
-                flag |= 0 if fd[i] <= 1.0 else 1
-                flag |= 0 if fd[i] >= least_depth else 1
-                flag |= 0 if fx[i] >= SAFE_LOW else 1
-                flag |= 0 if fx[i] <= SAFE_HIGH else 1
-                flag |= 0 if fy[i] >= SAFE_LOW else 1
-                flag |= 0 if fy[i] <= SAFE_HIGH else 1
+            for i in range(count):
+                flag = is_unsafe(fx[i], fy[i], fd[i], fw[i], least_depth)
                 wrong[i] = flag
                 any_wrong |= flag
             if any_wrong:
@@ -134,10 +158,8 @@ def _project(queue, positions, m, least_depth, window, screen, screen_f, unsafe)
                     if wrong[i]:
                         bad += 1
                         x, y, z = np.float64(px[i]), np.float64(py[i]), np.float64(pz[i])
-                        cx, cy = m00 * x + m01 * y + m02 * z + m03, m10 * x + m11 * y + m12 * z + m13
-                        cz, cw = m20 * x + m21 * y + m22 * z + m23, m30 * x + m31 * y + m32 * z + m33
                         fx[i] = UNSAFE
-                        fy[i] = out_code(cx, cy, cz, cw, least_depth)
+                        fy[i] = why_unsafe(rows, x, y, z, least_depth)
                         fd[i] = fw[i] = 0.0
             for i in range(count):
                 screen[start + i, 0] = np.int32(fx[i])

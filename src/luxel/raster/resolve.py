@@ -99,10 +99,40 @@ def _held(r, g, b, a, lows, highs):
     return min(max(r, a * lows[0]), a * highs[0]), min(max(g, a * lows[1]), a * highs[1]), min(max(b, a * lows[2]), a * highs[2]), a
 
 
+@jit.part
+def filtered(x, y, width, height, band_top, band_rows, across, tile, samples, colors, taps, weights, main, white):
+    """The premultiplied colour of pixel (x, y), filtered; see `resolve`. `main` is the number of taps in the main lobe."""
+    total, pixels = _F(0.0), tile * tile
+    red = green = blue = alpha = _F(0.0)
+    most, lows, highs = (_INF, _INF, _INF), (_INF, _INF, _INF, _INF), (-_INF, -_INF, -_INF, -_INF)
+    for k in range(len(taps)):
+        if k == main:
+            most = max(white, red / total), max(white, green / total), max(white, blue / total)
+        sx, sy = x + taps[k, 0], y + taps[k, 1]
+        if sx < 0 or sy < 0 or sx >= width or sy >= height or sy < band_top or sy >= band_top + band_rows:
+            continue
+        slot = (sy // tile - band_top // tile) * across + sx // tile
+        p = taps[k, 2] * pixels + (sy % tile) * tile + sx % tile
+        plane, weight = samples * pixels, weights[k]
+        r, g, b, a = colors[slot, p], colors[slot, plane + p], colors[slot, 2 * plane + p], colors[slot, 3 * plane + p]
+        total += weight
+        red += weight * min(r, most[0])
+        green += weight * min(g, most[1])
+        blue += weight * min(b, most[2])
+        alpha += weight * a
+        if main < len(taps) and k < main:
+            lows, highs = _ranges(lows, highs, r, g, b, a)
+    inverse = _F(1.0) / total
+    red, green, blue, alpha = red * inverse, green * inverse, blue * inverse, alpha * inverse
+    if main < len(taps):
+        red, green, blue, alpha = _held(red, green, blue, alpha, lows, highs)
+    return red, green, blue, min(max(alpha, _F(0.0)), _F(1.0))
+
+
 @jit.parallel_kernel
 def _resolve(queue, first_row, last_row, first_column, last_column, width, height, band_top, band_rows, across, tile, samples, colors, taps,
              weights, left, top, exposure, background, color, linear):  # fmt: skip
-    pixels, step, main, white = tile * tile, 256, taps[:, 3].sum(), _F(1.0) / exposure
+    step, main, white = 256, taps[:, 3].sum(), _F(1.0) / exposure
     own = np.zeros(4 * step, np.float32)
     sums, color, linear = jit.borrow(own), jit.borrow(color), jit.borrow(linear)
     y = first_row + jit.take(queue)
@@ -110,32 +140,11 @@ def _resolve(queue, first_row, last_row, first_column, last_column, width, heigh
         for start in range(first_column, last_column, step):
             count = min(step, last_column - start)
             for i in range(count):
-                x, total = start + i, _F(0.0)
-                red = green = blue = alpha = _F(0.0)
-                most, lows, highs = (_INF, _INF, _INF), (_INF, _INF, _INF, _INF), (-_INF, -_INF, -_INF, -_INF)
-                for k in range(len(taps)):
-                    if k == main:
-                        most = max(white, red / total), max(white, green / total), max(white, blue / total)
-                    sx, sy = x + taps[k, 0], y + taps[k, 1]
-                    if sx < 0 or sy < 0 or sx >= width or sy >= height or sy < band_top or sy >= band_top + band_rows:
-                        continue
-                    slot = (sy // tile - band_top // tile) * across + sx // tile
-                    p = taps[k, 2] * pixels + (sy % tile) * tile + sx % tile
-                    plane, weight = samples * pixels, weights[k]
-                    r, g, b, a = colors[slot, p], colors[slot, plane + p], colors[slot, 2 * plane + p], colors[slot, 3 * plane + p]
-                    total += weight
-                    red += weight * min(r, most[0])
-                    green += weight * min(g, most[1])
-                    blue += weight * min(b, most[2])
-                    alpha += weight * a
-                    if main < len(taps) and k < main:
-                        lows, highs = _ranges(lows, highs, r, g, b, a)
-                inverse = _F(1.0) / total
-                red, green, blue, alpha = red * inverse, green * inverse, blue * inverse, alpha * inverse
-                if main < len(taps):
-                    red, green, blue, alpha = _held(red, green, blue, alpha, lows, highs)
+                red, green, blue, alpha = filtered(
+                    start + i, y, width, height, band_top, band_rows, across, tile, samples, colors, taps, weights, main, white
+                )
                 sums[i], sums[step + i], sums[2 * step + i] = red, green, blue
-                sums[3 * step + i] = min(max(alpha, _F(0.0)), _F(1.0))
+                sums[3 * step + i] = alpha
             write_row(sums, 0, step, top + y, left + start, count, exposure, background, color, linear)
         y = first_row + jit.take(queue)
     own[0] = 0  # the scratch must live until here: borrowing does not keep it

@@ -56,6 +56,14 @@ def depth_plane(x0, y0, z0, x1, y1, z1, x2, y2, z2):
     return _F(base), _F(dx * 256.0), _F(dy * 256.0)
 
 
+@jit.inlined
+def depth_from(z, zx, zy, low, high, across, down):
+    """Depth so many pixels right of and below the reference pixel: float32, and always in this order of operations."""
+    depth = (z + zy * down) + zx * across
+    depth = depth if depth > low else low
+    return depth if depth < high else high
+
+
 @jit.part
 def load_batch(first, last, px, py, bin_ids, triangles, screen, clipped_screen, c):
     """Load the corners of entries first .. last - 1 of the bins; (px, py) is the tile's corner in pixels."""
@@ -134,9 +142,8 @@ def place_batch(n, sx, sy, tile, wide, high, c):
         e2 = _I(_I(_I(c[C2 + i] + _I(c[A2 + i] * sx) + _I(c[B2 + i] * sy)) >> _EIGHT) + _I(c[A2 + i] * lx) + _I(c[B2 + i] * ly))
         few, one, empty = c[FEW + i] != 0, (lx == hx) & (ly == hy), (lx > hx) | (ly > hy)
         at_x, at_y = bits_float(c[FROM_X + i]) + fx + _F(lx), bits_float(c[FROM_Y + i]) + fy + _F(ly)
-        depth = (bits_float(c[DEPTH + i]) + bits_float(c[STEP_Y + i]) * at_y) + bits_float(c[STEP_X + i]) * at_x
-        depth = depth if depth > bits_float(c[LOW + i]) else bits_float(c[LOW + i])
-        c[POINT_DEPTH + i] = float_bits(depth if depth < bits_float(c[HIGH + i]) else bits_float(c[HIGH + i]))
+        z, zx, zy = bits_float(c[DEPTH + i]), bits_float(c[STEP_X + i]), bits_float(c[STEP_Y + i])
+        c[POINT_DEPTH + i] = float_bits(depth_from(z, zx, zy, bits_float(c[LOW + i]), bits_float(c[HIGH + i]), at_x, at_y))
         point = few & one
         missed = empty | (point & (_I(_I(e0 | e1) | e2) < 0))
         kind = _POINT if point else (_FEW if few else _MANY)
@@ -175,7 +182,6 @@ def find_spans(i, c, sx, sy, tile):
 @jit.inlined
 def depth_at(i, c, across, down):
     """Depth of triangle `i` so many pixels right of and below where it is placed: float32, in `cover`'s order of operations."""
-    y = bits_float(c[AT_Y + i]) + _F(_I(down))
-    d = (bits_float(c[DEPTH + i]) + bits_float(c[STEP_Y + i]) * y) + bits_float(c[STEP_X + i]) * (bits_float(c[AT_X + i]) + _F(_I(across)))
-    d = d if d > bits_float(c[LOW + i]) else bits_float(c[LOW + i])
-    return d if d < bits_float(c[HIGH + i]) else bits_float(c[HIGH + i])
+    z, zx, zy = bits_float(c[DEPTH + i]), bits_float(c[STEP_X + i]), bits_float(c[STEP_Y + i])
+    at_x, at_y = bits_float(c[AT_X + i]) + _F(_I(across)), bits_float(c[AT_Y + i]) + _F(_I(down))
+    return depth_from(z, zx, zy, bits_float(c[LOW + i]), bits_float(c[HIGH + i]), at_x, at_y)

@@ -153,6 +153,17 @@ def add_to_pixels(g, r, runs, samples, pixels, sums):
             sums[np.uint64(3 * pixels) + p] += alpha
 
 
+@jit.inlined
+def lay_over_sample(g, i, colors, plane, p):
+    """Composite fragment `i` over the sample whose premultiplied colour is at `p`; the channels lie `plane` apart."""
+    alpha = g[_OA + i]
+    under = _F(1.0) - alpha
+    colors[p] = g[_OR + i] * alpha + colors[p] * under
+    colors[plane + p] = g[_OG + i] * alpha + colors[plane + p] * under
+    colors[plane + plane + p] = g[_OB + i] * alpha + colors[plane + plane + p] * under
+    colors[plane + plane + plane + p] = alpha + colors[plane + plane + plane + p] * under
+
+
 @jit.part
 def lay_over_samples(g, r, runs, samples, pixels, colors):
     """Composite the fragments over what their samples hold, premultiplied; `colors` (4 * samples * pixels,)."""
@@ -163,13 +174,7 @@ def lay_over_samples(g, r, runs, samples, pixels, colors):
             start = np.uint64(lowest_bit(rest) * pixels + r.pixel[run])
             rest &= rest - np.uint64(1)
             for k in range(np.uint64(0), count):
-                i, p = first + k, start + k
-                alpha = g[_OA + i]
-                under = _F(1.0) - alpha
-                colors[p] = g[_OR + i] * alpha + colors[p] * under
-                colors[plane + p] = g[_OG + i] * alpha + colors[plane + p] * under
-                colors[plane + plane + p] = g[_OB + i] * alpha + colors[plane + plane + p] * under
-                colors[plane + plane + plane + p] = alpha + colors[plane + plane + plane + p] * under
+                lay_over_sample(g, first + k, colors, plane, start + k)
 
 
 @jit.part
