@@ -117,7 +117,7 @@ def test_more_memory_than_there_is(capsys, cube, tmp_path, monkeypatch):
     def full(*_, **__):
         raise MemoryError("Unable to allocate 9 EiB")
 
-    monkeypatch.setattr("luxel.raster.render._draw", full)
+    monkeypatch.setattr("luxel.raster.render.render_prepared", full)
     err = error_of(capsys, "render", cube, "-o", tmp_path / "a.npz", "--size", "32", "--outputs", "color,depth")
     assert "--size 32x32: not enough memory for color, depth" in err
     assert ".png" in err

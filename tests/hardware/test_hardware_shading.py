@@ -53,12 +53,13 @@ def test_a_pixel_is_the_models_word():
     lit = [picture.linear[y, x, :3] for x, y in ((5, 4), (61, 16), (19, 46))]  # about the corners' colours
     assert np.abs(np.array(lit) / np.array(lit).max() - colors[:, :3]).max() < 0.05
     order = [0, 2, 1]
+    from luxel.raster.frame import see
     from luxel.raster.materials import GOURAUD
-    from luxel.raster.render import _see, prepare
+    from luxel.raster.render import prepare
 
     prepared = prepare(scene, "hardware")
     assert prepared.materials.flags[0] & GOURAUD
-    words = float24.from_float(_see(prepared, camera, SIZE, None, 1).geometry.colors[order, :3].astype(float))
+    words = float24.from_float(see(prepared, camera, SIZE, None, 1).geometry.colors[order, :3].astype(float))
     drawn = interpolator.draw(corners[order], words, *SIZE)
     expected = np.zeros((50, 70, 3), np.float32)
     expected[drawn.y, drawn.x] = float24.to_float(drawn.colors)

@@ -6,7 +6,7 @@ from scenes import UNLIT, around, flat_camera, flat_mesh, rectangle, room
 
 import luxel
 from luxel import Material, Mesh, Scene, Texture, TextureRef
-from luxel.raster import render
+from luxel.raster import frame
 from luxel.raster.constants import sample_pattern
 from luxel.raster.reference import covers
 
@@ -137,8 +137,8 @@ def test_invisible_and_whole_layers():
 def test_blending_in_windows_and_bands(monkeypatch):
     scene, camera = room(1), around()
     want = luxel.render(scene, camera, (60, 50), samples=4, outputs=("linear",)).linear
-    monkeypatch.setattr(render, "_BAND_BYTES", 1)
-    monkeypatch.setattr(render, "_WINDOW", 32)
+    monkeypatch.setattr(frame, "_BAND_BYTES", 1)
+    monkeypatch.setattr(frame, "_WINDOW", 32)
     have = luxel.render(scene, camera, (60, 50), samples=4, outputs=("linear",), tile=16).linear
     assert np.abs(have - want).max() < 1e-4
 

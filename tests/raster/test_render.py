@@ -8,7 +8,7 @@ import luxel
 from luxel import Ambient, Camera, InputError, Light, Material, Mesh, Scene, Texture, TextureRef
 from luxel.filter.antialias import decimate
 from luxel.io.images import read_image
-from luxel.raster import render
+from luxel.raster import frame, render
 from luxel.raster.outputs import SHAPES
 from luxel.scene.builtin.shapes import sphere
 from luxel.scene.colour import bytes_from_linear
@@ -63,9 +63,9 @@ def test_windows_and_bands_change_nothing(monkeypatch, samples, seed):
     scene, camera = room(seed), around(seed, near=0.1)
     want = luxel.render(scene, camera, (150, 100), samples=samples, outputs=EVERYTHING, previous_camera=around(0.6))
     assert len(np.unique(want.triangle)) > 100
-    for window, band in ((render._WINDOW, 1), (32, render._BAND_BYTES), (64, 1)):
-        monkeypatch.setattr(render, "_WINDOW", window)
-        monkeypatch.setattr(render, "_BAND_BYTES", band)
+    for window, band in ((frame._WINDOW, 1), (32, frame._BAND_BYTES), (64, 1)):
+        monkeypatch.setattr(frame, "_WINDOW", window)
+        monkeypatch.setattr(frame, "_BAND_BYTES", band)
         have = luxel.render(scene, camera, (150, 100), samples=samples, outputs=EVERYTHING, tile=32, previous_camera=around(0.6), threads=2)
         assert same_bytes(have, want, IDS)
         for name in ("position", "normal", "barycentric", "texcoord", "motion"):
@@ -337,8 +337,8 @@ def test_numpy_numbers_are_numbers():
 
 
 def test_progress_rises_to_one(monkeypatch):
-    monkeypatch.setattr(render, "_BAND_BYTES", 1)
-    monkeypatch.setattr(render, "_WINDOW", 32)
+    monkeypatch.setattr(frame, "_BAND_BYTES", 1)
+    monkeypatch.setattr(frame, "_WINDOW", 32)
     told = []
     luxel.render(room(1), around(), (70, 70), tile=8, progress=told.append)
     assert told == sorted(told)

@@ -7,7 +7,7 @@ from scenes import UNLIT, flat_camera, flat_mesh, rectangle
 
 import luxel
 from luxel import InputError, Instance, Material, Scene
-from luxel.raster import render
+from luxel.raster import frame
 from luxel.raster.resolve import FILTERS, filter_taps, resolve
 
 SIZE = 33, 29
@@ -200,7 +200,7 @@ def test_tiles_threads_and_bands_make_no_seams(name, monkeypatch):
     assert want[..., 0].std() > 0.1
     for tile in (8, 16, 128):
         assert np.abs(draw(scene, filter=name, samples=4, tile=tile, threads=2) - want).max() < 1e-6
-    monkeypatch.setattr(render, "_BAND_BYTES", 1)
+    monkeypatch.setattr(frame, "_BAND_BYTES", 1)
     assert np.abs(draw(scene, filter=name, samples=4, tile=8) - want).max() < 1e-6
 
 
@@ -209,7 +209,7 @@ def test_windows_make_no_seams(name, monkeypatch):
     rng = np.random.default_rng(0)
     scene = Scene.from_mesh(flat_mesh(rng.uniform(-5, 38, (60, 2)), np.arange(60)), Material((1, 1, 1, 1), **UNLIT))
     want = draw(scene, filter=name, samples=4, tile=8)
-    monkeypatch.setattr(render, "_WINDOW", 16)
+    monkeypatch.setattr(frame, "_WINDOW", 16)
     assert np.abs(draw(scene, filter=name, samples=4, tile=8) - want).max() < 1e-6
 
 

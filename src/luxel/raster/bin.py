@@ -66,15 +66,17 @@ NO_CLIPPED = Clipped(np.zeros(0, np.int32), np.zeros((0, 3, 4), np.int32), np.ze
 
 
 @jit.inlined
-def tile_box(x0, y0, x1, y1, x2, y2, cull, low, high, width, height, tile_log2):
-    """First and last tile, across and down, with a pixel whose samples (`low` .. `high` in the pixel) may lie inside; (1, 1, 0, 0) if none."""
+def tile_box(x0, y0, x1, y1, x2, y2, cull, low, high, bounds, tile_log2):
+    """First and last tile, across and down, with a pixel of `bounds` whose samples (`low` .. `high` in the pixel) may lie inside; (1, 1, 0, 0) if
+    none. Bounds: left and top pixel, and the successors of right and bottom."""
     area = area2(x0, y0, x1, y1, x2, y2)
     if area == 0 or (cull and area < 0):
         return 1, 1, 0, 0
-    lx = max((min(x0, min(x1, x2)) - high + 255) >> 8, 0)
-    hx = min((max(x0, max(x1, x2)) - low) >> 8, width - 1)
-    ly = max((min(y0, min(y1, y2)) - high + 255) >> 8, 0)
-    hy = min((max(y0, max(y1, y2)) - low) >> 8, height - 1)
+    left, top, right, bottom = bounds
+    lx = max((min(x0, min(x1, x2)) - high + 255) >> 8, left)
+    hx = min((max(x0, max(x1, x2)) - low) >> 8, right - 1)
+    ly = max((min(y0, min(y1, y2)) - high + 255) >> 8, top)
+    hy = min((max(y0, max(y1, y2)) - low) >> 8, bottom - 1)
     if lx > hx or ly > hy:
         return 1, 1, 0, 0
     if lx == hx and ly == hy and low == high:  # a single sample, and half of those of a fine mesh miss it
@@ -96,11 +98,12 @@ def load_block(t, count, triangles, screen, c):
 
 
 @jit.part
-def judge_block(count, cull, low, high, width, height, tile_log2, c):
+def judge_block(count, cull, low, high, bounds, tile_log2, c):
     """Judge the loaded triangles as `tile_box` does, but in int32 and so in vector registers. _KIND gets 1 if a triangle is to be drawn, in
     the tiles _LEFT, _TOP .. _RIGHT, _BOTTOM, and 0 if not; and `_OTHER` if it is large or has an unsafe vertex. Returns whether any is."""
     low, high, shift = np.int32(low), np.int32(high), np.int32(tile_log2)
-    last_x, last_y, one_sample, others = np.int32(width - 1), np.int32(height - 1), low == high, np.int32(0)
+    first_x, first_y, last_x, last_y = np.int32(bounds[0]), np.int32(bounds[1]), np.int32(bounds[2] - 1), np.int32(bounds[3] - 1)
+    one_sample, others = low == high, np.int32(0)
     for i in range(np.uint64(0), np.uint64(count)):
         x0, y0, x1, y1, x2, y2 = c[_X0 + i], c[_Y0 + i], c[_X1 + i], c[_Y1 + i], c[_X2 + i], c[_Y2 + i]
         left, right = max(min(x0, min(x1, x2)), _LEAST), max(max(x0, max(x1, x2)), _LEAST)
@@ -111,8 +114,8 @@ def judge_block(count, cull, low, high, width, height, tile_log2, c):
             _ZERO if other else x2, _ZERO if other else y2,
         )   # nothing overflows
         area = np.int32(np.int32(np.int32(x2 - x0) * np.int32(y1 - y0)) - np.int32(np.int32(x1 - x0) * np.int32(y2 - y0)))
-        lx, hx = max(np.int32(np.int32(left - high + _ROUND) >> _EIGHT), _ZERO), min(np.int32(np.int32(right - low) >> _EIGHT), last_x)
-        ly, hy = max(np.int32(np.int32(top - high + _ROUND) >> _EIGHT), _ZERO), min(np.int32(np.int32(bottom - low) >> _EIGHT), last_y)
+        lx, hx = max(np.int32(np.int32(left - high + _ROUND) >> _EIGHT), first_x), min(np.int32(np.int32(right - low) >> _EIGHT), last_x)
+        ly, hy = max(np.int32(np.int32(top - high + _ROUND) >> _EIGHT), first_y), min(np.int32(np.int32(bottom - low) >> _EIGHT), last_y)
         keep = ((area > 0) | ((area < 0) & (not cull))) & (lx <= hx) & (ly <= hy)
         # A single sample, and half of those triangles of a fine mesh miss it. Edges as in `edges`, of the triangle turned to the front.
         px, py = np.int32(np.int32(lx << _EIGHT) + low), np.int32(np.int32(ly << _EIGHT) + low)
@@ -146,7 +149,7 @@ def count_tiles(boxes, first, last, across, count):
 
 
 @jit.part
-def keep_other(t, extra, place, triangles, screen, clipped_source, clipped_screen, cull, low, high, width, height, tile_log2, kept, boxes):
+def keep_other(t, extra, place, triangles, screen, clipped_source, clipped_screen, cull, low, high, bounds, tile_log2, kept, boxes):
     """Keep triangle `t`, or what clipping made of it, from `place` on; returns the next place."""
     m = len(triangles)
     a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
@@ -165,7 +168,7 @@ def keep_other(t, extra, place, triangles, screen, clipped_source, clipped_scree
             x0, y0 = np.int64(clipped_screen[k, 0, 0]), np.int64(clipped_screen[k, 0, 1])
             x1, y1 = np.int64(clipped_screen[k, 1, 0]), np.int64(clipped_screen[k, 1, 1])
             x2, y2 = np.int64(clipped_screen[k, 2, 0]), np.int64(clipped_screen[k, 2, 1])
-        lx, ly, hx, hy = tile_box(x0, y0, x1, y1, x2, y2, cull, low, high, width, height, tile_log2)
+        lx, ly, hx, hy = tile_box(x0, y0, x1, y1, x2, y2, cull, low, high, bounds, tile_log2)
         if lx <= hx:
             kept[place] = drawn
             boxes[place, 0], boxes[place, 1], boxes[place, 2], boxes[place, 3] = lx, ly, hx, hy
@@ -175,7 +178,7 @@ def keep_other(t, extra, place, triangles, screen, clipped_source, clipped_scree
 
 @jit.parallel_kernel
 def _count(queue, triangles, screen, clipped_source, clipped_screen, part_start, part_mode, part_cull, mode,
-           low, high, width, height, tile_log2, across, kept, boxes, kept_count, counts):  # fmt: skip
+           low, high, bounds, tile_log2, across, kept, boxes, kept_count, counts):  # fmt: skip
     """Pass one: the survivors of each chunk, the box of tiles each touches, and how many fall in each tile."""
     triangles, screen, kept, boxes = jit.borrow(triangles), jit.borrow(screen), jit.borrow(kept), jit.borrow(boxes)
     clipped_source, clipped_screen, counts = jit.borrow(clipped_source), jit.borrow(clipped_screen), jit.borrow(counts)
@@ -198,12 +201,12 @@ def _count(queue, triangles, screen, clipped_source, clipped_screen, part_start,
                 continue
             n, cull, before = min(_BLOCK, stop - t), part_cull[part] != 0, place
             load_block(t, n, triangles, screen, c)
-            if judge_block(n, cull, low, high, width, height, tile_log2, c):
+            if judge_block(n, cull, low, high, bounds, tile_log2, c):
                 for i in range(n):
                     if c[KIND + i] == OTHER:
                         while extra < len(clipped_source) and clipped_source[extra] < t + i:
                             extra += 1
-                        place = keep_other(t + i, extra, place, triangles, screen, clipped_source, clipped_screen, cull, low, high, width, height,
+                        place = keep_other(t + i, extra, place, triangles, screen, clipped_source, clipped_screen, cull, low, high, bounds,
                                            tile_log2, kept, boxes)  # fmt: skip
                     elif c[KIND + i] != 0:
                         kept[place] = t + i
@@ -257,7 +260,7 @@ def _fill(queue, m, clipped_source, across, kept, boxes, kept_count, counts, ids
 
 
 def bin_triangles(triangles: Array, screen: Array, clipped: Clipped, parts: Parts, mode: int, pattern: Array, window: Window,
-                  tile: int, threads: int) -> Bins:  # fmt: skip
+                  tile: int, threads: int, bounds: tuple[int, int, int, int] | None = None) -> Bins:  # fmt: skip
     """Sort the triangles of the parts whose alpha mode is `mode` into tiles of `tile` (a power of two) pixels.
 
     Args:
@@ -266,6 +269,7 @@ def bin_triangles(triangles: Array, screen: Array, clipped: Clipped, parts: Part
         clipped: What clipping made of the triangles with unsafe vertices.
         pattern: (s, 2) int32 sample positions in 1/256 pixel.
         window: Its width and height are binned.
+        bounds: Left, top, right, bottom in pixels of the window: what lies outside is left out; None for all of it.
     """
     across, down = -(-window.width // tile), -(-window.height // tile)
     m, places = len(triangles), len(triangles) + len(clipped.source)
@@ -275,7 +279,7 @@ def bin_triangles(triangles: Array, screen: Array, clipped: Clipped, parts: Part
     threads = min(threads, chunks)
     jit.run(
         _count, threads, triangles, screen, clipped.source, clipped.screen, *parts, mode, int(pattern.min()), int(pattern.max()),
-        window.width, window.height, tile.bit_length() - 1, across, kept, boxes, kept_count, counts,
+        bounds or (0, 0, window.width, window.height), tile.bit_length() - 1, across, kept, boxes, kept_count, counts,
     )  # fmt: skip
     start = np.empty(across * down + 1, np.int32)
     total = _scan(counts, start)

@@ -1,13 +1,8 @@
-"""Render: a scene and a camera to a picture, stage by stage and band by band.
-
-The picture is drawn in windows no larger than the guard band allows, and each window in bands of tile rows whose per-sample buffers stay
-under a fixed size, so memory does not grow with the number of samples, nor, when streamed to a file, with the picture.
-"""
+"""Render: a scene and a camera to a picture, or band by band to a file, in memory that does not grow with the picture. See `frame`."""
 
 from __future__ import annotations
 
 import operator
-import subprocess
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, fields, replace
@@ -17,37 +12,24 @@ import numpy as np
 
 from luxel import jit
 from luxel.arrays import Array, checked
-from luxel.clock import Clock
 from luxel.errors import InputError
 from luxel.hardware import interpolator
-from luxel.memory import reusable
-from luxel.raster import modelled, warm
-from luxel.raster.bin import BLEND, MASK, NO_CLIPPED, OPAQUE, Bins, bin_triangles
-from luxel.raster.clip import clip
-from luxel.raster.constants import MAX_SIZE, SAMPLE_COUNTS, SUBPIXEL, sample_pattern
-from luxel.raster.cover import cover
-from luxel.raster.fragments import NEEDS_POSITION, Eye, drawn
+from luxel.raster import frame, modelled
+from luxel.raster.constants import SAMPLE_COUNTS, SUBPIXEL, sample_pattern
 from luxel.raster.geometry import Geometry, flatten
-from luxel.raster.lanes import LANES
-from luxel.raster.lighting import LightTable, pack_lights
-from luxel.raster.materials import GOURAUD, NEEDS_VIEW, MaterialTable, pack_materials
+from luxel.raster.materials import GOURAUD, MaterialTable, pack_materials
 from luxel.raster.modelled import Interpolate
-from luxel.raster.outputs import SHAPES, Outputs, write_outputs
+from luxel.raster.outputs import SHAPES
 from luxel.raster.picture import Picture
-from luxel.raster.project import View, Window, project
-from luxel.raster.resolve import FILTERS, filter_taps, resolve
-from luxel.raster.runs import Samples
-from luxel.raster.shade import Look, Target, Tiles, light_vertices, shade
+from luxel.raster.resolve import FILTERS
 from luxel.scene.camera import Camera
 from luxel.scene.framing import camera_for
 from luxel.scene.scene import Scene
 
 OUTPUTS = ("color", "linear", *SHAPES)
 LOWPASS = "lowpass"
-_WINDOW = MAX_SIZE // 2
 _BAND_BYTES = 96 << 20
 _LOWPASS_MOST = 1 << 27  # samples; 2 GB of linear light, and some more to filter it
-_NO_COLOR, _NO_LINEAR, _NO_SAMPLES = np.empty((0, 0), np.uint32), np.empty((0, 0, 4), np.float32), np.empty((0, 0), np.float32)
 
 
 @dataclass(frozen=True)
@@ -197,10 +179,17 @@ def render(scene: Any, camera: Camera | None = None, size: tuple[int, int] = (12
     options = Options(samples, pattern, ssaa, filter, background, outputs, exposure, threads, tile)  # type: ignore[arg-type]
     started = time.perf_counter()
     prepared = _prepared(scene, shading, cull)
-    draw = _draw_lowpassed if options.filter == LOWPASS else _draw
-    picture = draw(prepared, camera, _checked_size(size), options, previous_camera, progress)
+    picture = render_prepared(prepared, camera, checked_size(size), options, previous_camera, progress)
     picture.seconds = {"prepare": time.perf_counter() - started - sum(picture.seconds.values()), **picture.seconds}
     return picture
+
+
+def render_prepared(prepared: Prepared, camera: Camera | None, size: tuple[int, int], options: Options, previous: Camera | None = None,
+                    progress: Callable[[float], None] | None = None, draw: Callable[..., Picture] = frame.draw) -> Picture:  # fmt: skip
+    """What `render` does once its arguments are checked; `draw` stands for `frame.draw`, and may leave its picture to another process."""
+    if options.filter == LOWPASS:
+        return _draw_lowpassed(prepared, camera, size, options, previous, progress, draw)
+    return draw(prepared, camera, size, options, previous, progress)
 
 
 def render_views(scene: Any, cameras: Iterable[Camera], size: tuple[int, int] = (1280, 720), *, shading: str | None = None,
@@ -224,7 +213,7 @@ def render_to_png(path: Any, scene: Any, camera: Camera | None = None, size: tup
     """
     from luxel.io.images import PngStream
 
-    width, height = _checked_size(size)
+    width, height = checked_size(size)
     known = {item.name for item in fields(Options) if item.init} - {"outputs"}
     for name in options:
         if name not in known:
@@ -239,7 +228,7 @@ def render_to_png(path: Any, scene: Any, camera: Camera | None = None, size: tup
     with PngStream(path, width, height) as stream:
         for top in range(0, height, rows):
             first, last = max(0, top - margin), min(height, top + rows + margin)
-            band = _draw(prepared, camera, (width, height), chosen, None, None, (first, last))
+            band = frame.draw(prepared, camera, (width, height), chosen, None, None, (first, last))
             started = time.perf_counter()
             assert band.color is not None
             stream.write(band.color[top - first : min(height, top + rows) - first])
@@ -250,7 +239,12 @@ def render_to_png(path: Any, scene: Any, camera: Camera | None = None, size: tup
     return seconds
 
 
-def _checked_size(size: Any) -> tuple[int, int]:
+def checked_size(size: Any) -> tuple[int, int]:
+    """`size` as width and height in pixels.
+
+    Raises:
+        InputError: It is no such pair.
+    """
     try:
         width, height = (operator.index(side) for side in size)
     except (TypeError, ValueError):
@@ -260,80 +254,8 @@ def _checked_size(size: Any) -> tuple[int, int]:
     return width, height
 
 
-class _View(NamedTuple):
-    """A camera with everything that a draw needs of it."""
-
-    camera: Camera
-    view: View
-    eye: Eye
-    lights: LightTable
-    geometry: Geometry
-    features: int
-    previous: Array | None
-
-
-def _see(prepared: Prepared, camera: Camera | None, size: tuple[int, int], previous: Camera | None, threads: int) -> _View:
-    camera = camera or camera_for(prepared.scene, size)
-    if not isinstance(camera, Camera):
-        raise InputError(f"camera: expected a Camera, got {type(camera).__name__}")
-    assert camera.world_from_camera is not None
-    perspective = camera.yfov is not None
-    least_depth = float(camera.near / camera.far) if perspective else 0.0
-    direction = camera.world_from_camera[:3, 2] / np.linalg.norm(camera.world_from_camera[:3, 2])
-    eye = Eye(camera.eye.astype(np.float32), direction.astype(np.float32), not perspective)
-    lights, materials, geometry = pack_lights(prepared.scene, camera), prepared.materials, prepared.geometry
-    features = materials.features
-    if features & NEEDS_VIEW or bool((lights.lights[:, 3] != 0).any()):
-        features |= NEEDS_POSITION
-    if prepared.vertex_materials is not None:
-        lit = light_vertices(geometry, materials.flags & GOURAUD != 0, prepared.vertex_materials, lights, eye, threads)
-        geometry = geometry._replace(colors=lit)
-    if previous is not None and not isinstance(previous, Camera):
-        raise InputError(f"previous_camera: expected a Camera, got {type(previous).__name__}")
-    motion = previous.clip_from_world(size) if previous is not None else None
-    return _View(camera, View(camera.clip_from_world(size), least_depth), eye, lights, geometry, features, motion)
-
-
-def _draw(prepared: Prepared, camera: Camera | None, size: tuple[int, int], options: Options, previous: Camera | None,
-          progress: Callable[[float], None] | None, rows: tuple[int, int] | None = None) -> Picture:  # fmt: skip
-    """Draw the pixel rows `rows` (all if None) of a picture."""
-    clock = Clock()
-    width, height = size
-    first, last = rows or (0, height)
-    assert options.threads is not None
-    seen = _see(prepared, camera, size, previous, options.threads)
-    names = set(options.outputs)
-    target = Target(
-        reusable((last - first, width), np.uint32) if "color" in names else _NO_COLOR,
-        reusable((last - first, width, 4), np.float32) if "linear" in names else _NO_LINEAR,
-        _NO_SAMPLES,
-    )
-    outputs = Outputs.wanted(names - {"motion"} if previous is None else names, width, last - first)
-    clock.lap("prepare")
-    if (target.color.size or target.linear.size) and prepared.hardware is None:
-        _warm_up(prepared, seen, options, target)
-        clock.lap("compile")
-    corners = [(x, y) for y in range(first, last, _WINDOW) for x in range(0, width, _WINDOW)]
-    margin = 0 if options.filter == "box" else options.tile  # what filters reach beyond the window
-    for number, (x, y) in enumerate(corners):
-        told = None if progress is None else lambda part, number=number: progress((number + part) / len(corners))
-        left, top = max(0, x - margin), max(first, y - margin)
-        right, bottom = min(width, x + _WINDOW + margin), min(last, y + _WINDOW + margin)
-        keep = x - left, y - top, min(width, x + _WINDOW) - left, min(last, y + _WINDOW) - top
-        window = Window(left, top, right - left, bottom - top, width, height)
-        _draw_window(prepared, seen, window, keep, (left, top - first), options, target, outputs, clock, told)
-    fields = {name: array for name, array in outputs._asdict().items() if array.size}
-    if "motion" in names and previous is None:
-        fields["motion"] = np.zeros((last - first, width, 2), np.float32)
-    if "color" in names:
-        fields["color"] = target.color.view(np.uint8).reshape(last - first, width, 4)
-    if "linear" in names:
-        fields["linear"] = target.linear
-    return Picture(**fields, seconds=clock.seconds)
-
-
 def _draw_lowpassed(prepared: Prepared, camera: Camera | None, size: tuple[int, int], options: Options, previous: Camera | None,
-                    progress: Callable[[float], None] | None) -> Picture:  # fmt: skip
+                    progress: Callable[[float], None] | None, draw: Callable[..., Picture]) -> Picture:  # fmt: skip
     """Draw a picture at `ssaa` times the rate and decimate it in frequency; what is not colour is drawn at its own rate."""
     from luxel.filter.antialias import decimate
     from luxel.filter.light import encode
@@ -344,147 +266,12 @@ def _draw_lowpassed(prepared: Prepared, camera: Camera | None, size: tuple[int, 
         raise InputError(f"filter: {LOWPASS} holds the finer picture whole: expected at most {most}, got {rate * size[0]} x {rate * size[1]}")
     camera = camera or camera_for(prepared.scene, size)
     plain = replace(options, ssaa=1, filter="box", outputs=("linear",))
-    picture = _draw(prepared, camera, (rate * size[0], rate * size[1]), plain, None, progress)
+    picture = draw(prepared, camera, (rate * size[0], rate * size[1]), plain, None, progress)
     seconds, started = picture.seconds, time.perf_counter()
-    linear = decimate(picture.linear, rate, threads=threads)
-    color = encode(linear, np.uint8, True, threads) if "color" in options.outputs else None
+    linear = None if picture.linear is None else decimate(picture.linear, rate, threads=threads)
+    color = encode(linear, np.uint8, True, threads) if "color" in options.outputs and linear is not None else None
     seconds["lowpass"] = time.perf_counter() - started
     rest = tuple(name for name in options.outputs if name not in ("color", "linear"))
-    picture = _draw(prepared, camera, size, replace(plain, outputs=rest), previous, None) if rest else Picture()
+    picture = draw(prepared, camera, size, replace(plain, outputs=rest), previous, None) if rest else Picture()
     seconds = {name: seconds.get(name, 0.0) + picture.seconds.get(name, 0.0) for name in {**seconds, **picture.seconds}}
     return replace(picture, color=color, linear=linear if "linear" in options.outputs else None, seconds=seconds)
-
-
-def _warm_up(prepared: Prepared, seen: _View, options: Options, target: Target) -> None:
-    """Where nothing is compiled yet, compile visibility in a child process and, by shading no tiles, shading in this one."""
-    child = warm.start()
-    if child is None:
-        return
-    try:
-        nothing = drawn(seen.geometry, np.empty((0, 4), np.int32), NO_CLIPPED)
-        tiles, samples = Tiles(0, 0, 0, options.tile, 1, 1, 0, 0), Samples(options.positions, options.ssaa > 1)
-        shade(tiles, np.zeros(0, np.uint8), np.empty((0, 1), np.int32), samples, nothing, _look(prepared, seen, options), target, 1)
-        child.wait(60)
-    except subprocess.TimeoutExpired:
-        pass
-    finally:
-        child.kill()
-        child.wait()
-
-
-def _look(prepared: Prepared, seen: _View, options: Options) -> Look:
-    return Look(prepared.materials, seen.lights, seen.eye, seen.features, np.float32(2.0**options.exposure), options.fill)
-
-
-def _draw_window(prepared: Prepared, seen: _View, window: Window, keep: tuple[int, int, int, int], place: tuple[int, int], options: Options,
-                 target: Target, outputs: Outputs, clock: Clock, progress: Callable[[float], None] | None) -> None:  # fmt: skip
-    geometry, threads, pattern, tile = seen.geometry, options.threads or 1, options.positions, options.tile
-    screen, unsafe = project(geometry.positions, seen.view, window, threads)
-    clock.lap("project")
-    clipped = clip(geometry.positions, geometry.triangles, screen, seen.view, window, threads) if unsafe else NO_CLIPPED
-    clock.lap("clip")
-    modes = set(geometry.parts.alpha_mode.tolist()) | {OPAQUE}
-    bins = {
-        mode: bin_triangles(geometry.triangles, screen, clipped, geometry.parts, mode, pattern, window, tile, threads) for mode in modes
-    }  # fmt: skip
-    clock.lap("bin")
-    band = _Band(prepared, seen, window, keep, place, options, target, outputs, clock, screen, clipped, bins)
-    across, down = bins[OPAQUE].across, bins[OPAQUE].down
-    rows = max(1, band.tiles_at_once // across)
-    for first in range(0, down, rows):
-        band.draw(first, min(down, first + rows))
-        if progress:
-            progress(min(1.0, (first + rows) / down))
-
-
-class _Band:
-    """Draws bands of a window's tile rows, one after the other in the same buffers."""
-
-    def __init__(self, prepared: Prepared, seen: _View, window: Window, keep: tuple[int, int, int, int], place: tuple[int, int],
-                 options: Options, target: Target, outputs: Outputs, clock: Clock, screen: Array, clipped: Any,
-                 bins: dict[int, Bins]) -> None:  # fmt: skip
-        self.materials, self.seen, self.window, self.keep, self.place, self.options = prepared.materials, seen, window, keep, place, options
-        self.drawn, self.look = drawn(seen.geometry, screen, clipped), _look(prepared, seen, options)
-        self.target, self.outputs, self.clock = target, outputs, clock
-        self.screen, self.clipped, self.bins = screen, clipped, bins
-        self.colored = len(target.color) > 0 or len(target.linear) > 0
-        self.beside = any(array.size for array in outputs)
-        self.hardware = prepared.hardware
-        self.per_sample = self.colored and (options.filter != "box" or BLEND in bins or self.hardware is not None)
-        self.apron = 0 if options.filter == "box" else 1
-        self.keep_depth = self.beside or len(bins) > 1
-        occupied = sum((np.diff(b.start) > 0).astype(np.uint8) for mode, b in bins.items() if mode != BLEND)
-        self.occupied = np.minimum(occupied, 1).astype(np.uint8)
-        self.pixels = len(options.positions) * options.tile**2
-        per_tile = 4 * self.pixels * (1 + self.keep_depth + 2 * (BLEND in bins) + 4 * self.per_sample)
-        self.tiles_at_once = max(1, _BAND_BYTES // per_tile)
-
-    def draw(self, first_row: int, last_row: int) -> None:
-        """Draw tile rows first_row .. last_row - 1."""
-        across, down = self.bins[OPAQUE].across, self.bins[OPAQUE].down
-        top, bottom = max(0, first_row - self.apron), min(down, last_row + self.apron)
-        first, last = top * across, bottom * across
-        ids, depths = self._visible(first, last)
-        self.clock.lap("cover")
-        if self.beside:
-            self._outputs(first, last, ids, depths)
-            self.clock.lap("outputs")
-        if not self.colored:
-            return
-        target = self.target
-        if self.per_sample:
-            target = Target(_NO_COLOR, _NO_LINEAR, reusable((last - first, 4 * self.pixels), np.float32))
-            target.samples.fill(0.0)
-        self._shade(first, last, ids, target, self.occupied)
-        self.clock.lap("shade")
-        if self.per_sample:
-            if BLEND in self.bins:
-                self._blend(first, last, ids, depths, target)
-                self.clock.lap("blend")
-            self._resolve(first_row, last_row, top, bottom, target.samples)
-            self.clock.lap("resolve")
-
-    def _visible(self, first: int, last: int) -> tuple[Array, Array]:
-        o, w, geometry = self.options, self.window, self.seen.geometry
-        ids = reusable((last - first, self.pixels + LANES), np.int32)
-        depths = reusable((last - first if self.keep_depth else 0, self.pixels + LANES), np.float32)
-        cover(self.bins[OPAQUE], geometry.triangles, self.screen, self.clipped, o.positions, w.width, w.height, first, last, ids, depths,
-              o.threads or 1, len(self.bins) > 1)  # fmt: skip
-        if MASK in self.bins:
-            self._layer(MASK, first, last, ids, depths)
-        return ids, depths
-
-    def _layer(self, mode: int, first: int, last: int, ids: Array, depths: Array, peeled: Array | None = None) -> bool:
-        from luxel.raster.layer import layer
-
-        return layer(self.bins[mode], self.seen.geometry, self.screen, self.clipped, self.materials, self.options.positions, self.window.width,
-                     self.window.height, first, last, ids, depths, self.options.threads or 1, peeled)  # fmt: skip
-
-    def _shade(self, first: int, last: int, ids: Array, target: Target, occupied: Array, blend: bool = False) -> None:
-        o, w, seen = self.options, self.window, self.seen
-        if self.hardware is not None:
-            modelled.shade(self.hardware, self.bins[OPAQUE], occupied, first, last, w.width, w.height, ids, o.positions, o.ssaa > 1,
-                           seen.geometry, self.screen, self.clipped, blend, target.samples, o.threads or 1)  # fmt: skip
-            return
-        tiles = Tiles(first, last, self.bins[OPAQUE].across, o.tile, w.width, w.height, *self.place)
-        shade(tiles, occupied, ids, Samples(o.positions, o.ssaa > 1), self.drawn, self.look, target, o.threads or 1)
-
-    def _blend(self, first: int, last: int, ids: Array, depths: Array, target: Target) -> None:
-        peeled = reusable(ids.shape, np.int32)
-        occupied = (np.diff(self.bins[BLEND].start) > 0).astype(np.uint8)
-        while self._layer(BLEND, first, last, ids, depths, peeled):
-            self._shade(first, last, peeled, target, occupied, blend=True)
-
-    def _resolve(self, first_row: int, last_row: int, top: int, bottom: int, samples: Array) -> None:
-        o, w, tile = self.options, self.window, self.options.tile
-        taps, weights = filter_taps(o.filter, o.positions)
-        left, first, right, last = self.keep
-        resolve(max(first_row * tile, first), min(last_row * tile, last), left, right, w.width, w.height, top * tile,
-                (bottom - top) * tile, self.bins[OPAQUE].across, tile, len(o.positions), samples, taps, weights, *self.place, 2.0**o.exposure, o.fill,
-                self.target.color, self.target.linear, o.threads or 1)  # fmt: skip
-
-    def _outputs(self, first: int, last: int, ids: Array, depths: Array) -> None:
-        camera, w = self.seen.camera, self.window
-        write_outputs(self.bins[OPAQUE], self.occupied, first, last, w.width, w.height, ids, depths, self.seen.geometry, self.screen,
-                      self.clipped, self.options.positions, (w.full_width, w.full_height), camera.near, camera.far, camera.yfov is None,
-                      self.seen.previous, *self.place, self.outputs, self.options.threads or 1)  # fmt: skip
