@@ -52,6 +52,7 @@ class Pipeline:
     def __init__(self, go_next: Value) -> None:
         self.go_next, self.go = go_next, Signal(name="go", reset_less=True)
         self._registers: list[tuple[Signal, Value]] = []
+        self._states: list[tuple[list[tuple[Signal, Value]], Value]] = []
         self._wires: list[Any] = []
         self._parts: dict[str, Any] = {}
         self._later: dict[tuple[int, int], Timed] = {}
@@ -60,9 +61,10 @@ class Pipeline:
     def into(self, m: Module) -> None:
         """Put all that was made into a module."""
         m.d.sync += self.go.eq(self.go_next)
-        for registers in self._groups():
-            with m.If(self.near()):
-                m.d.sync += [signal.eq(value) for signal, value in registers]
+        for registers, enable_next in [(self._registers, self.go_next), *self._states]:
+            for group in _groups(registers):
+                with m.If(self.near(enable_next)):
+                    m.d.sync += [signal.eq(value) for signal, value in group]
         m.d.comb += self._wires
         for name, part in self._parts.items():
             m.submodules[name] = part.module() if isinstance(part, Operator) else part
@@ -102,33 +104,27 @@ class Pipeline:
         outputs = tuple(Timed(signal, time + operator.latency) for signal in signals.values())
         return outputs[0] if len(outputs) == 1 else outputs
 
-    def near(self) -> Signal:
-        """A copy of `go` for what is not registered here but stops with it."""
-        return self._place(Go(), {})["go"]
+    def state(self, registers: list[tuple[Signal, Value]], enable_next: Value | None = None) -> None:
+        """Registers and what they change to, on the clock after one with `enable_next` high (not given: with the others)."""
+        self._states.append((registers, self.go_next if enable_next is None else enable_next))
 
-    def _groups(self) -> Iterator[list[tuple[Signal, Value]]]:
-        """The registers in groups of some `_NEAR` bits, from the inputs to the outputs."""
-        group: list[tuple[Signal, Value]] = []
-        for signal, value in self._registers:
-            group.append((signal, value))
-            if sum(len(each) for each, _ in group) >= _NEAR:
-                yield group
-                group = []
-        if group:
-            yield group
+    def near(self, value_next: Value | None = None) -> Signal:
+        """A register of `value_next`, one bit (not given: `go`), that is not shared: it drives only what is near."""
+        return self._place(Go(), {}, value_next)["go"]
 
-    def _place(self, operator: Operator, inputs: dict[str, Value]) -> dict[str, Signal]:
+    def _place(self, operator: Operator, inputs: dict[str, Value], go_next: Value | None = None) -> dict[str, Signal]:
         """Put an operator to work, and return its outputs."""
         name = f"{operator.name}_{len(self._parts)}"
+        go_next = self.go_next if go_next is None else go_next
         if _library is None:
             self._parts[name] = operator
-            self._wires += [operator.go_next.eq(self.go_next), *(operator.i[key].eq(value) for key, value in inputs.items())]
+            self._wires += [operator.go_next.eq(go_next), *(operator.i[key].eq(value) for key, value in inputs.items())]
             return operator.o
         _library.setdefault(operator.name, operator)
         ports = {key: Signal(signal.shape(), name=f"{name}_{key}") for key, signal in (operator.i | operator.o).items()}
         self._wires += [ports[key].eq(value) for key, value in inputs.items()]
         wires = {f"{'i' if key in operator.i else 'o'}_{key}": port for key, port in ports.items()}
-        self._parts[name] = Instance(operator.name, i_clk=ClockSignal(), i_go_next=self.go_next, **wires)
+        self._parts[name] = Instance(operator.name, i_clk=ClockSignal(), i_go_next=go_next, **wires)
         return {key: ports[key] for key in operator.o}
 
 
@@ -175,3 +171,15 @@ class Go(Operator):
     def build(self, p: Pipeline) -> dict[str, Timed]:
         """The register that every pipeline has."""
         return {"go": Timed(p.go, 0)}
+
+
+def _groups(registers: list[tuple[Signal, Value]]) -> Iterator[list[tuple[Signal, Value]]]:
+    """Groups of some `_NEAR` bits, in order: from the inputs to the outputs."""
+    group: list[tuple[Signal, Value]] = []
+    for signal, value in registers:
+        group.append((signal, value))
+        if sum(len(each) for each, _ in group) >= _NEAR:
+            yield group
+            group = []
+    if group:
+        yield group

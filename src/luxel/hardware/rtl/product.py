@@ -14,7 +14,7 @@ _PART = 6
 class HardProduct(Operator):
     """a * b, three clocks: the registers that FPGAs have inside a multiplier (inputs, partial products, output).
 
-    Where there is no hard multiplier, one clock has the products of a and six bits of b each, the next their sum. For an ECP5
+    Where there is no hard multiplier, one clock has the products of a and up to six bits of b each, the next their sum. For an ECP5
     the whole module is replaced by one MULT18X18D (`luxel.hardware.synthesis.ecp5`), by its name.
     """
 
@@ -27,11 +27,12 @@ class HardProduct(Operator):
         a_in, b_in = p.step("a", lambda v: v, a), p.step("b", lambda v: v, b)
         shape_a, shape_b = self.shapes
         shape = (signed if shape_a.signed or shape_b.signed else unsigned)(shape_a.width + shape_b.width)
-        cuts = range(0, shape_b.width, _PART)
+        part = min(_PART, -(-shape_b.width // 2))
+        cuts = range(0, shape_b.width, part)
 
         def parts(a, b):
             top = b[cuts[-1] :]
-            return *(a * b[low : low + _PART] for low in cuts[:-1]), a * (top.as_signed() if shape_b.signed else top)
+            return *(a * b[low : low + part] for low in cuts[:-1]), a * (top.as_signed() if shape_b.signed else top)
 
         found = p.step(" ".join(f"part{low}" for low in cuts), parts, a_in, b_in)
         found = found if isinstance(found, tuple) else (found,)

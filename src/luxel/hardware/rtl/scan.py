@@ -51,6 +51,45 @@ def constants(layout: data.StructLayout, payload: Any, *names: str) -> dict[str,
     return {name: Timed(payload[name], 0) for name in names or layout.members}
 
 
+class Walk:
+    """A state that is fetched from a stream and then changes step by step; when its last step is done the next is fetched.
+
+    Enables and choices of wide registers are registers themselves, near what they drive: it is known a clock before.
+
+    Args:
+        m: Module that the walk is in.
+        p: Pipeline that takes the states, and stops the walk.
+        i: Stream.
+        single: Whether what the stream has is one state only.
+        ends: Whether the state after this one is the last.
+
+    Attributes:
+        go, load: Whether the state changes on this clock; if so, whether a new one is fetched. load_next: `load` a clock later.
+        busy: Whether there is a state.
+    """
+
+    def __init__(self, m: Module, p: Pipeline, i: Any, single: Value, ends: Value) -> None:
+        self.p, self.go = p, p.near()
+        self.load, self.busy, self.load_next = Signal(init=1, name="load"), Signal(name="busy"), Signal(name="load_next")
+        fetch = self.fetch()
+        m.d.comb += [self.load_next.eq(Mux(self.go, Mux(self.load, ~i.valid | single, ends), self.load)), i.ready.eq(fetch)]
+        m.d.sync += self.load.eq(self.load_next)
+        with m.If(fetch):
+            m.d.sync += self.busy.eq(i.valid)
+
+    def fetch(self) -> Signal:
+        """Whether a new state is fetched on this clock; each call makes another register of it."""
+        return self.p.near(self.p.go_next & self.load_next)
+
+    def fetched(self, registers: list[tuple[Signal, Value]]) -> None:
+        """Registers that only change when a new state is fetched."""
+        self.p.state(registers, self.p.go_next & self.load_next)
+
+    def stepped(self, register: Signal, new: Value, step: Value) -> None:
+        """A register that has `new` when a state is fetched, else `step`."""
+        self.p.state([(register, Mux(self.fetch(), new, step))])
+
+
 class Blocks(wiring.Component):
     """Stream of triangles in, stream of touched blocks out."""
 
@@ -76,36 +115,35 @@ class Blocks(wiring.Component):
     def _walk(self, m: Module, p: Pipeline) -> dict[str, Timed]:
         """The state: a block of a triangle, on every clock the next, from left to right and from top to bottom."""
         s, new = self.sizes, self.i.payload
-        triangle = Signal(s.triangle(), name="triangle", reset_less=True)
-        e = [Signal(s.edge, name=f"e{i}", reset_less=True) for i in EDGES]
-        start = [Signal(s.edge, name=f"start{i}", reset_less=True) for i in EDGES]  # of the row of blocks
+        triangle = Signal(s.triangle(), name="triangle", reset_less=True)  # e is of this block, below of the next row's first
         across = s.pixel - BLOCK_LOG2
-        x, y, columns, rows, wide = (Signal(across, name=name, reset_less=True) for name in ("x", "y", "columns", "rows", "wide"))
-        busy, load = Signal(), Signal(init=1)  # `load`: not busy, or at the last block
-        right, bottom, top = (Signal(name=name, reset_less=True) for name in ("right", "bottom", "top"))
-        m.d.comb += self.i.ready.eq(p.go & load)
-        new_wide, new_high = (Signal(across, name=name) for name in ("new_wide", "new_high"))
-        m.d.comb += [
-            new_wide.eq(Mux(new.empty, 0, new.last_x[BLOCK_LOG2:] - new.first_x[BLOCK_LOG2:])),
-            new_high.eq(Mux(new.empty, 0, new.last_y[BLOCK_LOG2:] - new.first_y[BLOCK_LOG2:])),
-        ]
-        with m.If(p.go & load):
-            m.d.sync += [busy.eq(self.i.valid), triangle.eq(new), top.eq(1), wide.eq(new_wide), columns.eq(new_wide), rows.eq(new_high)]
-            m.d.sync += [right.eq(new_wide == 0), bottom.eq(new_high == 0), x.eq(new.first_x[BLOCK_LOG2:]), y.eq(new.first_y[BLOCK_LOG2:])]
-            m.d.sync += load.eq(~self.i.valid | ((new_wide == 0) & (new_high == 0)))
-            m.d.sync += [register.eq(new[f"e{i}"]) for i in EDGES for register in (e[i], start[i])]
-        with m.Elif(p.go):
-            steps = [Mux(right, triangle[f"b{i}"], triangle[f"a{i}"]) for i in EDGES]
-            following = [(Mux(right, start[i], e[i]) + (steps[i].as_signed().shift_left(BLOCK_LOG2)))[: len(e[i])] for i in EDGES]
-            m.d.sync += [e[i].eq(following[i]) for i in EDGES]
-            with m.If(right):
-                m.d.sync += [start[i].eq(following[i]) for i in EDGES]
-                m.d.sync += [x.eq(triangle.first_x[BLOCK_LOG2:]), y.eq(y + 1), columns.eq(wide), right.eq(wide == 0)]
-                m.d.sync += [rows.eq(rows - 1), bottom.eq(rows == 1), top.eq(0)]
-                m.d.sync += load.eq((wide == 0) & (rows == 1))
+        x, y, columns, rows = (Signal(across, name=name, reset_less=True) for name in ("x", "y", "columns", "rows"))
+        top, right, bottom, nearly_right, nearly_bottom = (
+            Signal(name=name, reset_less=True) for name in ("top", "right", "bottom", "nearly_right", "nearly_bottom")
+        )
+        ends = Mux(right, triangle.one_x & nearly_bottom, nearly_right & bottom)
+        walk = Walk(m, p, self.i, new.one_x & new.one_y, ends)
+        steps = [f"{name}{i}" for name in ("e", "below") for i in EDGES]
+        walk.fetched([(triangle[key], new[key]) for key in s.triangle().members if key not in steps])
+        right_next = Mux(walk.load, new.one_x, Mux(right, triangle.one_x, nearly_right))
+        turn_next = p.go_next & (Mux(walk.go, right_next, right) | walk.load_next)
+        for i in EDGES:
+            e, below = triangle[f"e{i}"], triangle[f"below{i}"]
+            further = (e + triangle[f"a{i}"].shift_left(BLOCK_LOG2))[: len(e)].as_signed()
+            walk.stepped(e, new[f"e{i}"], Mux(right, below, further))
+            lower = (below + triangle[f"b{i}"].shift_left(BLOCK_LOG2))[: len(e)].as_signed()
+            p.state([(below, Mux(walk.fetch(), new[f"below{i}"], lower))], turn_next)
+        with m.If(walk.go):
+            m.d.sync += right.eq(right_next)
+            with m.If(walk.load):
+                m.d.sync += [x.eq(new.first_x[BLOCK_LOG2:]), columns.eq(new.more_x), nearly_right.eq(new.two_x), top.eq(1)]
+                m.d.sync += [y.eq(new.first_y[BLOCK_LOG2:]), rows.eq(new.more_y), nearly_bottom.eq(new.two_y), bottom.eq(new.one_y)]
+            with m.Elif(right):
+                m.d.sync += [x.eq(triangle.first_x[BLOCK_LOG2:]), columns.eq(triangle.more_x), nearly_right.eq(triangle.two_x), top.eq(0)]
+                m.d.sync += [y.eq(y + 1), rows.eq(rows - 1), nearly_bottom.eq(rows == 2), bottom.eq(nearly_bottom)]
             with m.Else():
-                m.d.sync += [x.eq(x + 1), columns.eq(columns - 1), right.eq(columns == 1), load.eq((columns == 1) & bottom)]
-        shown = {f"e{i}": e[i] for i in EDGES} | {"x": x, "y": y, "right": right, "bottom": bottom, "top": top, "busy": busy}
+                m.d.sync += [x.eq(x + 1), columns.eq(columns - 1), nearly_right.eq(columns == 2)]
+        shown = {"x": x, "y": y, "right": right, "bottom": bottom, "top": top, "busy": walk.busy}
         left = Signal(name="left")
         m.d.comb += left.eq(x == triangle.first_x[BLOCK_LOG2:])
         return constants(s.triangle(), triangle) | {key: Timed(value, 0) for key, value in (shown | {"leftmost": left}).items()}
@@ -152,23 +190,25 @@ class Rows(wiring.Component):
         wiring.connect(m, fifo.o, wiring.flipped(self.o))
         row = Signal(row_layout(self.sizes), name="row_found")
         m.d.comb += [row[key].eq(p.at(found[key], time)) for key in found]
-        self._merge(m, p.go, row, valid_line(m, valid, p.go, time)[time], fifo)
+        some = valid_line(m, valid, p.go, time - 1)[time - 1] & (p.at(found["drawn"], time - 1) | p.at(found["last"], time - 1))
+        self._merge(m, p, row, some, fifo)
         p.into(m)
         return m
 
     def _walk(self, m: Module, p: Pipeline) -> tuple[dict[str, Timed], Value]:
         """The state: a row of a block, on every clock the next; and whether there is one."""
-        block = Signal(block_layout(self.sizes), name="block", reset_less=True)
-        busy, load = Signal(), Signal(init=1)  # `load`: not busy, or at the last row
+        block, new = Signal(block_layout(self.sizes), name="block", reset_less=True), self.i.payload
         final = Signal(reset_less=True)
-        ends = (self.i.payload.rows == 0) | ~self.i.payload.drawn
-        m.d.comb += self.i.ready.eq(p.go & load)
-        with m.If(p.go & load):
-            m.d.sync += [busy.eq(self.i.valid), block.eq(self.i.payload), final.eq(ends), load.eq(~self.i.valid | ends)]
-        with m.Elif(p.go):
-            m.d.sync += [block[f"e{i}"].eq(block[f"e{i}"] + block[f"b{i}"]) for i in EDGES]
-            m.d.sync += [block.y.eq(block.y + 1), block.rows.eq(block.rows - 1), final.eq(block.rows == 1), load.eq(block.rows == 1)]
-        return constants(block_layout(self.sizes), block) | {"final": Timed(final, 0)}, busy
+        single = (new.rows == 0) | ~new.drawn
+        walk = Walk(m, p, self.i, single, block.rows == 1)
+        steps = {f"e{i}": (block[f"e{i}"] + block[f"b{i}"])[: self.sizes.edge.width].as_signed() for i in EDGES}
+        steps |= {"y": block.y + 1, "rows": block.rows - 1}
+        for key in block.shape().members:
+            if key in steps:
+                walk.stepped(block[key], new[key], steps[key])
+        walk.fetched([(block[key], new[key]) for key in block.shape().members if key not in steps])
+        walk.stepped(final, single, block.rows == 1)
+        return constants(block_layout(self.sizes), block) | {"final": Timed(final, 0)}, walk.busy
 
     def _cover(self, p: Pipeline, s: dict[str, Timed]) -> dict[str, Timed]:
         """Which fragments of a row are covered: the signs of three edge functions at eight pixels, by doubling."""
@@ -204,21 +244,24 @@ class Rows(wiring.Component):
             found |= {f"a{i}": s[f"a{i}"], f"fraction{i}": s[f"fraction{i}"]}
         return found
 
-    def _merge(self, m: Module, go: Value, row: Any, valid: Value, fifo: Fifo) -> None:
-        """Keep a row until it is known whether it is the last of its triangle: if empty ones follow, it learns that at their end."""
+    def _merge(self, m: Module, p: Pipeline, row: Any, some: Value, fifo: Fifo) -> None:
+        """Keep a row until it is known whether it is the last of its triangle: if empty ones follow, it learns that at their end.
+
+        `some` is about the row that comes: whether it has anything to tell.
+        """
         kept, waiting = Signal(row.shape(), name="kept", reset_less=True), Signal()
-        comes, ends = Signal(), Signal()
+        comes, comes_next, ends = Signal(), Signal(), Signal()
         m.d.comb += [
-            comes.eq(valid & (row.drawn | row.last)),
+            comes_next.eq(Mux(p.go, some, comes)),
             ends.eq(comes & ~row.drawn & waiting & ~kept.last),
-            fifo.push.eq(go & waiting & (kept.last | comes)),
+            fifo.push.eq(p.go & waiting & (kept.last | comes)),
             fifo.data.eq(kept),
             fifo.data.last.eq(kept.last | ends),
         ]
-        with m.If(go):
+        m.d.sync += comes.eq(comes_next)
+        with m.If(p.go):
             m.d.sync += waiting.eq((comes & ~ends) | (waiting & ~kept.last & ~comes))
-            with m.If(comes):
-                m.d.sync += kept.eq(row)
+        p.state([(kept.as_value(), row.as_value())], p.go_next & comes_next)
 
 
 class Fragments:
@@ -227,20 +270,20 @@ class Fragments:
     def __init__(self, sizes: Sizes) -> None:
         self.sizes = sizes
 
-    def walk(self, m: Module, go: Value, i: Any) -> tuple[dict[str, Value], Value]:
+    def walk(self, m: Module, p: Pipeline, i: Any) -> tuple[dict[str, Value], Value]:
         """The fields of a fragment, on every clock the next; and whether there is one."""
-        row = Signal(row_layout(self.sizes), name="row", reset_less=True)
-        busy, load = Signal(name="row_busy"), Signal(name="row_load", init=1)  # `load`: not busy, or at the last fragment
+        row, new = Signal(row_layout(self.sizes), name="row", reset_less=True), i.payload
         final = Signal(name="row_final", reset_less=True)
-        ends = (i.payload.following == 0) | ~i.payload.drawn
-        m.d.comb += i.ready.eq(go & load)
-        with m.If(go & load):
-            m.d.sync += [busy.eq(i.valid), row.eq(i.payload), final.eq(ends), load.eq(~i.valid | ends)]
-        with m.Elif(go):
-            m.d.sync += [row[f"e{k}"].eq(row[f"e{k}"] + row[f"a{k}"]) for k in (1, 2)]
-            m.d.sync += [row.x.eq(row.x + 1), row.following.eq(row.following - 1), final.eq(row.following == 1), load.eq(row.following == 1)]
+        single = (new.following == 0) | ~new.drawn
+        walk = Walk(m, p, i, single, row.following == 1)
+        steps = {f"e{k}": (row[f"e{k}"] + row[f"a{k}"])[: self.sizes.edge.width] for k in (1, 2)}
+        steps |= {"x": row.x + 1, "following": row.following - 1}
+        for key, step in steps.items():
+            walk.stepped(row[key], new[key], step)
+        walk.fetched([(row[key], new[key]) for key in row.shape().members if key not in steps])
+        walk.stepped(final, single, row.following == 1)
         edge = {name: Cat(row[f"fraction{k}"], row[f"e{k}"])[: self.sizes.area] for k, name in ((1, "l_ca"), (2, "l_ab"))}
-        return {"x": row.x, "y": row.y, "drawn": row.drawn, "last": row.last & final} | edge, busy
+        return {"x": row.x, "y": row.y, "drawn": row.drawn, "last": row.last & final} | edge, walk.busy
 
 
 class Scan(wiring.Component):
@@ -254,13 +297,13 @@ class Scan(wiring.Component):
         """Amaranth's."""
         m = Module()
         m.submodules.fifo = fifo = Fifo(fragment_layout(self.sizes))
-        go = Signal()
-        m.d.sync += go.eq(fifo.room)
+        p = Pipeline(fifo.room)
         rows = connected(m, self.sizes, self.i)
-        fragment, valid = Fragments(self.sizes).walk(m, go, rows)
+        fragment, valid = Fragments(self.sizes).walk(m, p, rows)
         m.d.comb += [fifo.data[key].eq(value) for key, value in fragment.items()]
-        m.d.comb += fifo.push.eq(valid & go)
+        m.d.comb += fifo.push.eq(valid & p.go)
         wiring.connect(m, fifo.o, wiring.flipped(self.o))
+        p.into(m)
         return m
 
 

@@ -35,18 +35,21 @@ class Sizes:
     def triangle(self) -> data.StructLayout:
         """What set-up makes.
 
-        e: Edge functions above their low bits, less `under`, at the first pixel of the first block.
+        e, below: Edge functions above their low bits, less `under`, at the first pixel of the first block, and of the first one in the next row.
         a, b: Their changes from pixel to pixel, across and down. high, low: their largest and smallest change within a block.
         fraction, under: Of edges 1 and 2, see above.
         first_x, last_x, first_y, last_y: Pixels of the bounding box. empty: There is nothing in it.
+        more_x, more_y: How many blocks follow the first, across and down. one_x, one_y: Whether none does; two_x, two_y: whether one does.
         """
         edges = {f"{name}{i}": shape for i in range(3) for name, shape in self.edge_fields().items()}
         pixels = {name: unsigned(self.pixel) for name in ("first_x", "last_x", "first_y", "last_y")}
-        return data.StructLayout(edges | self.kept() | pixels | {"empty": 1})
+        blocks = {name: unsigned(self.pixel - BLOCK_LOG2) for name in ("more_x", "more_y")}
+        flags = dict.fromkeys(("one_x", "one_y", "two_x", "two_y", "empty"), 1)
+        return data.StructLayout(edges | self.kept() | pixels | blocks | flags)
 
     def edge_fields(self) -> dict[str, Any]:
         """Of one edge."""
-        return {"e": self.edge, "a": self.step, "b": self.step, "high": self.span, "low": self.span}
+        return {"e": self.edge, "below": self.edge, "a": self.step, "b": self.step, "high": self.span, "low": self.span}
 
     def kept(self) -> dict[str, Any]:
         """What goes with a triangle to its fragments as it is."""
@@ -65,13 +68,13 @@ class SetUp(Operator):
         super().__init__(f"set_up_{sizes.coordinate}", corner_shapes(sizes.coordinate) | {"right": pixel, "bottom": pixel})
 
     def build(self, p: Pipeline, right: Timed, bottom: Timed, **corner: Timed) -> dict[str, Timed]:
-        """Latency 17."""
+        """Latency 18."""
         x, y = ([corner[f"{axis}{i}"] for i in range(3)] for axis in "xy")
         area, flipped = p.call(Area(self.sizes.coordinate), **{key: corner[key] for key in CORNERS})
         first_x, last_x = self._box(p, "x", x, right)
         first_y, last_y = self._box(p, "y", y, bottom)
-        empty = p.step("empty", lambda l, r, t, b: (l > r) | (t > b), first_x, last_x, first_y, last_y)
-        empty = p.step("empty", lambda e, area: e | ~area.any(), empty, area)
+        beside = [p.step(f"beside_{axis}", lambda f, l: f > l, *ends) for axis, ends in (("x", (first_x, last_x)), ("y", (first_y, last_y)))]
+        empty = p.step("empty", lambda x, y, area: x | y | ~area.any(), *beside, area)
         steps = self._steps(p, x, y, flipped)
         e = self._edges(p, x, y, first_x, first_y, area, flipped)
         made: dict[str, Timed] = {}
@@ -79,14 +82,25 @@ class SetUp(Operator):
             inclusive = p.step(f"inclusive{i}", lambda a, b: ~a[-1] & (a.any() | (~b[-1] & b.any())), a, b)
             under = p.step(f"under{i}", lambda e, inclusive: ~inclusive & ~e[:SUBPIXEL_LOG2].any(), edge, inclusive)
             start = p.step(f"e{i}", lambda e, u: (e[SUBPIXEL_LOG2:].as_signed() - u)[: len(e) - SUBPIXEL_LOG2].as_signed(), edge, under)
-            made |= {f"e{i}": start, f"a{i}": a, f"b{i}": b}
+            below = p.step(f"below{i}", lambda e, b: (e + b.shift_left(BLOCK_LOG2))[: len(e)].as_signed(), start, b)
+            made |= {f"e{i}": start, f"below{i}": below, f"a{i}": a, f"b{i}": b}
             for name, sign in (("high", 0), ("low", 1)):
                 made[f"{name}{i}"] = self._span(p, f"{name}{i}", a, b, sign)
             if i > 0:
                 made |= {f"fraction{i}": Timed(edge.value[:SUBPIXEL_LOG2], edge.time), f"under{i}": under}
         box = {"first_x": first_x, "last_x": last_x, "first_y": first_y, "last_y": last_y}
+        for axis, first, last in (("x", first_x, last_x), ("y", first_y, last_y)):
+            box[f"more_{axis}"] = more = self._more(p, axis, first, last, empty)
+            for name, count in (("one", 0), ("two", 1)):
+                box[f"{name}_{axis}"] = p.step(f"{name}_{axis}", lambda v, count=count: v == count, more)
         self.early = area
         return made | box | {"empty": empty, "area": area}
+
+    def _more(self, p: Pipeline, axis: str, first: Timed, last: Timed, empty: Timed) -> Timed:
+        """How many blocks follow the first."""
+        width = self.sizes.pixel - BLOCK_LOG2
+        blocks = p.step(f"blocks_{axis}", lambda f, l: (l.shift_right(BLOCK_LOG2) - f.shift_right(BLOCK_LOG2))[:width], first, last)
+        return p.step(f"more_{axis}", lambda v, none: Mux(none, 0, v), blocks, empty)
 
     def _box(self, p: Pipeline, name: str, v: list[Timed], end: Timed) -> tuple[Timed, Timed]:
         """The first and the last pixel along an axis whose centre may be inside, within the picture; signed."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from amaranth import Module, Mux, Signal
+from amaranth import Module, Mux, Signal, Value
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
@@ -16,15 +16,21 @@ from amaranth.lib.wiring import In, Out
 from luxel.errors import InputError
 from luxel.hardware.rtl.pipeline import Operator, Pipeline, Timed
 
+_LANE = 72
+"""Bits of a FIFO that share addresses."""
+
 
 class Fifo(wiring.Component):
     """First in, first out, with a register at its end.
 
+    Wide registers have no enables: the one at the end takes what the memory has at the next address, which is often what it had. Payloads are kept in
+    lanes, each with addresses of its own, so that what is decided in one place is a few bits that stay near.
+
     Args:
         shape: Of the payloads.
-        depth: How many are kept, beside the one at the end.
+        depth: How many are kept, the one at the end among them.
         late: Pushes that may come after the level at which `room` falls: it is a register, so is `go`, and so is what is pushed. With
-            depth >= 2 late, what reads can go on on every clock.
+            depth > 2 late, what reads can go on on every clock.
 
     Attributes:
         push: `data` is taken on this clock.
@@ -32,36 +38,65 @@ class Fifo(wiring.Component):
         o: Stream out.
     """
 
-    def __init__(self, shape: Any, depth: int = 8, late: int = 4) -> None:
-        if depth < 2 * late:
-            raise InputError(f"depth: expected at least {2 * late}, got {depth}")
+    def __init__(self, shape: Any, depth: int = 9, late: int = 4) -> None:
+        if depth <= 2 * late:
+            raise InputError(f"depth: expected at least {2 * late + 1}, got {depth}")
         self.shape, self.depth, self.late = shape, depth, late
         super().__init__({"push": In(1), "data": In(shape), "room": Out(1), "o": Out(stream.Signature(shape))})
 
     def elaborate(self, platform: Any) -> Module:
         """Amaranth's."""
         m = Module()
-        m.submodules.memory = memory = Memory(shape=self.shape, depth=self.depth, init=[])
-        write, read = memory.write_port(), memory.read_port(domain="comb")
-        level = Signal(range(self.depth + 1))
-        some, push, take = Signal(), Signal(), Signal()
-        data_in = Signal(self.shape, name="data_in", reset_less=True)
-        following = Signal.like(level)
-        m.d.comb += [
-            write.en.eq(push),
-            write.data.eq(data_in),
-            take.eq(some & (~self.o.valid | self.o.ready)),
-            following.eq(level + push - take),
-        ]
-        m.d.sync += self.room.eq(level <= self.depth - self.late)
-        m.d.sync += [push.eq(self.push), data_in.eq(self.data), level.eq(following), some.eq(following != 0)]
-        with m.If(push):
-            m.d.sync += write.addr.eq(Mux(write.addr == self.depth - 1, 0, write.addr + 1))
-        with m.If(take):
-            m.d.sync += [read.addr.eq(Mux(read.addr == self.depth - 1, 0, read.addr + 1)), self.o.payload.eq(read.data), self.o.valid.eq(1)]
-        with m.Elif(self.o.ready):
-            m.d.sync += self.o.valid.eq(0)
+        data, payload = Value.cast(self.data), Value.cast(self.o.payload)
+        lanes = []
+        for k, low in enumerate(range(0, len(data), _LANE)):
+            m.submodules[f"lane{k}"] = lane = Lane(len(data[low : low + _LANE]), self.depth)
+            m.d.comb += [lane.push.eq(self.push), lane.data.eq(data[low : low + _LANE]), lane.ready.eq(self.o.ready)]
+            m.d.comb += payload[low : low + _LANE].eq(lane.payload)
+            lanes.append(lane)
+        m.d.comb += self.o.valid.eq(lanes[0].valid)
+        m.d.sync += self.room.eq(lanes[0].level <= self.depth - self.late)
         return m
+
+
+class Lane(wiring.Component):
+    """Some bits of a FIFO's payloads: a FIFO by itself, in step with the others.
+
+    Attributes:
+        push, data: As the FIFO's.
+        payload, valid, ready: Its output.
+        level: How many there are.
+    """
+
+    def __init__(self, width: int, depth: int) -> None:
+        self.width, self.depth = width, depth
+        ports = {"push": In(1), "data": In(width), "payload": Out(width), "valid": Out(1), "ready": In(1)}
+        super().__init__(ports | {"level": Out(range(depth + 1))})
+
+    def elaborate(self, platform: Any) -> Module:
+        """Amaranth's."""
+        m = Module()
+        m.submodules.memory = memory = Memory(shape=self.width, depth=self.depth, init=[])
+        write, read = memory.write_port(), memory.read_port(domain="comb")
+        now, following = Signal.like(read.addr), Signal.like(read.addr, init=1)
+        data, payload = Signal(self.width, name="data_in", reset_less=True), Signal(self.width, name="data_out", reset_less=True)
+        take = Signal()
+        m.d.comb += [
+            take.eq(self.valid & self.ready),
+            write.data.eq(data),
+            read.addr.eq(Mux(take, following, now)),
+            self.payload.eq(payload),
+        ]
+        m.d.sync += [write.en.eq(self.push), data.eq(self.data), now.eq(read.addr), payload.eq(read.data)]
+        m.d.sync += [self.level.eq(self.level + write.en - take), self.valid.eq((self.level > 1) | ((self.level == 1) & ~take))]
+        with m.If(write.en):
+            m.d.sync += write.addr.eq(self._after(write.addr))
+        with m.If(take):
+            m.d.sync += following.eq(self._after(following))
+        return m
+
+    def _after(self, address: Value) -> Value:
+        return Mux(address == self.depth - 1, 0, address + 1)
 
 
 def valid_line(m: Module, valid: Any, go: Any, length: int) -> list[Any]:

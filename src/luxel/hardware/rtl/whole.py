@@ -120,7 +120,7 @@ class Interpolator(wiring.Component):
         m = Module()
         m.submodules.set_up = self.set_up
         m.submodules.colors = colors = Fifo(self.colors, self.triangles)
-        m.submodules.inverses = inverses = Fifo(self.precision.reciprocal_format.bits, self.triangles + 4)
+        m.submodules.inverses = inverses = Fifo(self.precision.reciprocal_format.bits, self.triangles)
         self._take(m, colors)
         self._invert(m, inverses)
         self._shade(m, connected(m, self.sizes, self.set_up.o), colors, inverses)
@@ -153,7 +153,7 @@ class Interpolator(wiring.Component):
         """Fragments, barycentric coordinates and colours, in one pipeline."""
         m.submodules.fifo = fifo = Fifo(self.o.payload.shape())
         p = Pipeline(fifo.room)
-        fragment, busy = Fragments(self.sizes).walk(m, p.near(), rows)
+        fragment, busy = Fragments(self.sizes).walk(m, p, rows)
         place = {key: Timed(fragment[key], 0) for key in ("x", "y", "drawn", "last")}
         edges = {key: Timed(fragment[key], 0) for key in ("l_ca", "l_ab")}
         weights = p.call(Barycentrics(self.sizes.area, self.precision), **edges, inverse=Timed(inverses.o.payload, 0))
