@@ -17,7 +17,7 @@ import sys
 import time
 import traceback
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache
 from typing import Any
@@ -31,6 +31,8 @@ _LAUNCHERS = ("PMI_RANK", "PMIX_RANK", "PMI_ID", "OMPI_COMM_WORLD_RANK", "MPI_LO
 _FAILED = 2
 _PATIENCE = 0.002  # seconds of waiting without sleep
 _NAP = 0.005
+_MOVED = 7  # tag of what `move` sends, apart from what else is under way
+_MOST_BYTES = 1 << 30  # of one message: MPI counts in int32
 _LAST_WORD = 0.5  # seconds that the launcher has to pass on what a rank said before it stops them all
 
 
@@ -41,9 +43,11 @@ class Comm:
         rank: Of this process, from 0.
         size: Number of ranks.
         neighbours: How many of them share this machine, this one included.
+        sent: Bytes of arrays that this rank has sent to others with `move`, `trade` and `exchange`.
     """
 
     rank, size, neighbours = 0, 1, 1
+    sent = 0
 
     def share(self, value: Any) -> Any:
         """Rank 0's value on every rank (by pickle: for what is small)."""
@@ -66,6 +70,27 @@ class Comm:
     def exchange(self, arrays: Sequence[Array]) -> list[Array]:
         """All to all: array k of rank r becomes array r of rank k. They share one dtype."""
         return list(arrays)
+
+    def gather(self, value: Any) -> list[Any]:
+        """Every rank's value, in order, on all ranks (by pickle: for what is small)."""
+        return [value]
+
+    def summed(self, array: Array) -> Array:
+        """The sum of all ranks' arrays of integers, which have one shape, on all ranks."""
+        return array
+
+    def move(self, out: Sequence[tuple[int, Array]], into: Sequence[tuple[int, Array]]) -> None:
+        """Send arrays to ranks, and fill arrays, or views of rows that lie together, with what ranks send: both sides know shapes and order."""
+        assert not out
+        assert not into
+
+    def trade(self, out: Mapping[int, Array], sources: Iterable[int]) -> dict[int, Array]:
+        """Send each rank its array of one axis, and get one from each of `sources`, of the same dtype; they send in the same call."""
+        return dict(out)
+
+    def part(self, color: int) -> Comm:
+        """The ranks that give the same color, as ranks of their own, in their order."""
+        return Comm()
 
     def spread(self, work: Callable[[int, Array], Array], items: Iterable[tuple[int, Array]]) -> Iterator[Array]:
         """Rank 0 has items, numbers and arrays; `work(number, array)` is done by all ranks in turn, and rank 0 gets the results in order.
@@ -93,12 +118,14 @@ class Comm:
 class _Ranks(Comm):
     """The ranks of MPI."""
 
-    def __init__(self, mpi: Any) -> None:
-        self._mpi, self._comm = mpi, mpi.COMM_WORLD
-        self.rank, self.size = self._comm.Get_rank(), self._comm.Get_size()
-        here = self._comm.Split_type(mpi.COMM_TYPE_SHARED)
-        self.neighbours = here.Get_size()
-        here.Free()
+    def __init__(self, mpi: Any, comm: Any, neighbours: int = 0) -> None:
+        self._mpi, self._comm = mpi, comm
+        self.rank, self.size = comm.Get_rank(), comm.Get_size()
+        if not neighbours:
+            here = comm.Split_type(mpi.COMM_TYPE_SHARED)
+            neighbours = here.Get_size()
+            here.Free()
+        self.neighbours = neighbours
 
     def _wait(self, ready: Callable[[], bool]) -> None:
         """Until it is: asleep where it takes long, since MPI's own waiting keeps a core busy that others could use."""
@@ -177,12 +204,42 @@ class _Ranks(Comm):
         for rank in range(1, self.size):
             self._comm.send(None, rank)
 
+    def gather(self, value: Any) -> list[Any]:
+        self._together()
+        return self._comm.allgather(value)
+
+    def summed(self, array: Array) -> Array:
+        self._together()
+        out = np.empty_like(array)
+        self._comm.Allreduce(np.ascontiguousarray(array), out)
+        return out
+
+    def move(self, out: Sequence[tuple[int, Array]], into: Sequence[tuple[int, Array]]) -> None:
+        waiting = [self._comm.Irecv(_bytes(part), rank, _MOVED) for rank, array in into for part in _parts(array)]
+        whole = [(rank, part) for rank, array in out for part in _parts(np.ascontiguousarray(array))]
+        waiting += [self._comm.Isend(_bytes(part), rank, _MOVED) for rank, part in whole]
+        self.sent += sum(part.nbytes for _, part in whole)
+        self._wait(lambda: self._mpi.Request.Testall(waiting))
+
+    def trade(self, out: Mapping[int, Array], sources: Iterable[int]) -> dict[int, Array]:
+        sources, dtype = list(sources), next(iter(out.values())).dtype
+        lengths = {rank: np.zeros(1, np.int64) for rank in sources}
+        self.move([(rank, np.array([len(array)])) for rank, array in out.items()], list(lengths.items()))
+        got = {rank: np.empty(int(length[0]), dtype) for rank, length in lengths.items()}
+        self.move(list(out.items()), list(got.items()))
+        return got
+
+    def part(self, color: int) -> Comm:
+        self._together()
+        return _Ranks(self._mpi, self._comm.Split(color, self.rank), self.neighbours)
+
     def exchange(self, arrays: Sequence[Array]) -> list[Array]:
         self._together()
         shapes = self._comm.alltoall([array.shape for array in arrays])
         dtype = arrays[0].dtype
         sent = np.concatenate([np.ascontiguousarray(array).reshape(-1) for array in arrays])
         counts = [array.nbytes for array in arrays]
+        self.sent += sum(counts) - counts[self.rank]
         sizes = [int(np.prod(shape)) for shape in shapes]
         got = np.empty(sum(sizes), dtype)
         self._comm.Alltoallv([sent.view(np.uint8), counts], [got.view(np.uint8), [size * dtype.itemsize for size in sizes]])
@@ -213,6 +270,14 @@ def _bytes(array: Array) -> Array:
     return array.reshape(-1).view(np.uint8)
 
 
+def _parts(array: Array) -> list[Array]:
+    """`array` in pieces that MPI can count the bytes of; none, if it is empty."""
+    flat = array.reshape(-1)
+    assert array.flags.c_contiguous
+    step = _MOST_BYTES // array.itemsize
+    return [flat[start : start + step] for start in range(0, len(flat), step)]
+
+
 def launched() -> bool:
     """Whether a launcher of MPI started this process."""
     return any(name in os.environ for name in _LAUNCHERS)
@@ -231,7 +296,7 @@ def world() -> Comm:
         from mpi4py import MPI
     except ImportError as error:
         raise ExtraMissingError("mpi4py", "mpi", "running under an MPI launcher") from error
-    ranks = _Ranks(MPI)
+    ranks = _Ranks(MPI, MPI.COMM_WORLD)
     if ranks.size > 1:
         sys.excepthook = lambda kind, error, trace: ranks.end(error)
     return ranks
