@@ -35,5 +35,9 @@ class ExtraMissingError(LuxelError, ImportError):
         super().__init__(f"{why} needs the package {package}: pip install 'luxel[{extra}]'")
 
 
+class DeviceError(LuxelError):
+    """A GPU is asked for, and none can be used, or it has too little memory."""
+
+
 class LuxelWarning(UserWarning):
     """Something in the input was dropped, repaired or ignored, and the result goes on without it."""

@@ -34,7 +34,7 @@ from luxel.errors import InputError
 
 __all__ = [
     "DISABLED", "array_data", "available_threads", "borrow", "cache_folder", "cgutils", "checked_threads", "compiled", "count_bits", "device",
-    "inlined", "intrinsic", "ir", "kernel", "lowest_bit", "on_compile", "parallel_kernel", "part", "prefetch", "run", "take", "types",
+    "digest", "inlined", "intrinsic", "ir", "kernel", "lowest_bit", "on_compile", "parallel_kernel", "part", "prefetch", "run", "take", "types",
 ]  # fmt: skip
 
 def _skip_blas_probe() -> None:
@@ -81,7 +81,7 @@ def _imports(module: str) -> tuple[str, ...]:
 
 
 @cache
-def _digest(module: str) -> str:
+def digest(module: str) -> str:
     """Hash of the text of `module` and of all luxel modules that it imports, directly or not."""
     seen: set[str] = set()
     todo = [module]
@@ -90,12 +90,12 @@ def _digest(module: str) -> str:
         if name not in seen and (name == module or name.startswith("luxel.")):  # a test's or a user's kernel has a name of its own
             seen.add(name)
             todo += _imports(name)
-    digest = hashlib.sha256()
+    hashed = hashlib.sha256()
     for name in sorted(seen):
         path = _source(name)
         if path is not None and path.exists():
-            digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
+            hashed.update(path.read_bytes())
+    return hashed.hexdigest()[:16]
 
 
 @cache
@@ -121,7 +121,7 @@ def _compiled(function: Callable[..., Any], **options: Any) -> Any:
     folder = cache_folder()
     before = numba.config.CACHE_DIR
     if folder:  # the locator reads the setting when the function is decorated: put it back for everybody else's kernels
-        numba.config.CACHE_DIR = str(Path(folder) / _digest(function.__module__))
+        numba.config.CACHE_DIR = str(Path(folder) / digest(function.__module__))
     try:
         return numba.njit(cache=bool(folder), nogil=True, error_model="numpy", **options)(function)
     finally:

@@ -16,7 +16,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 _AGAIN = ("luxel.raster.", "luxel.cuda.threads")
-_PLAIN = ("luxel.raster.lanes", "luxel.raster.rows")  # written in the processor's vector instructions, and undecorated for a Numba that is switched off
+_PLAIN = ("luxel.raster.lanes", "luxel.raster.rows")  # in vector instructions, and undecorated for a Numba that is switched off
 _SINGLE = types.SimpleNamespace(FRAGMENTS=1, PITCH=1)
 
 
@@ -53,7 +53,8 @@ class Again:
         found = self._found(name)
         if found is None:
             if name in ("luxel", "luxel.raster") and fromlist:  # from luxel import jit
-                return types.SimpleNamespace(**{item: self._found(f"{name}.{item}") or importlib.import_module(f"{name}.{item}") for item in fromlist})
+                parts = {item: f"{name}.{item}" for item in fromlist}
+                return types.SimpleNamespace(**{item: self._found(part) or importlib.import_module(part) for item, part in parts.items()})
             return importlib.__import__(name, globals, locals, fromlist, level)
         if not fromlist:
             raise ImportError(f"import {name}: write `from {name} import ...`, which can be executed again")

@@ -314,6 +314,14 @@ def _light_vertices(queue, normals, positions, colors, vertex_material, material
     own_g[0] = 0  # the scratch must live until here: borrowing does not keep it
 
 
+def vertex_material(geometry: Geometry) -> Array:
+    """(n,) int32: the row of the material table of each vertex; 0 for those that no triangle has."""
+    material = np.zeros(len(geometry.positions), np.int32)
+    for i, row in enumerate(geometry.part_material):
+        material[geometry.triangles[geometry.part_start[i] : geometry.part_start[i + 1]]] = row
+    return material
+
+
 def light_vertices(geometry: Geometry, chosen: Array, materials: MaterialTable, lights: LightTable, eye: Eye, threads: int) -> Array:
     """Vertex colours for Gouraud shading.
 
@@ -324,10 +332,7 @@ def light_vertices(geometry: Geometry, chosen: Array, materials: MaterialTable, 
     Returns:
         (n, 4) float32.
     """
-    count = len(geometry.positions)
-    material = np.zeros(count, np.int32)
-    for i, row in enumerate(geometry.part_material):
-        material[geometry.triangles[geometry.part_start[i] : geometry.part_start[i + 1]]] = row
+    count, material = len(geometry.positions), vertex_material(geometry)
     lit = np.empty((count, 4), np.float32)
     jit.run(_light_vertices, min(threads, 1 + count // FRAGMENTS), geometry.normals, geometry.positions, geometry.colors, material, materials,
             lights, eye, lit)  # fmt: skip

@@ -1,0 +1,156 @@
+"""The GPU: found, or an error that says why not; its memory, and launching."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from luxel.arrays import Array
+from luxel.errors import DeviceError, ExtraMissingError, InputError, LuxelWarning
+
+DEVICES = ("cpu", "cuda", "auto")
+LEAST_CAPABILITY = (7, 5)
+"""Of a card; CUDA's compilers have none for older ones."""
+
+_BLOCK = 128
+
+
+class Gpu:
+    """A card that can be drawn on.
+
+    Attributes:
+        name: What its maker calls it.
+        capability: Compute capability, (major, minor).
+    """
+
+    def __init__(self) -> None:
+        from luxel.cuda import door
+
+        self._cuda, self._simulated = door.cuda, door.SIMULATED
+        try:
+            device = door.initialise()
+        except Exception as error:  # Numba's own kinds of errors, and those of the driver's bindings
+            raise DeviceError(f"device cuda: expected an NVIDIA GPU and its driver; {_reason(error)}") from error
+        self.name = "simulator" if self._simulated else _text(device.name)
+        self.capability = (9, 0) if self._simulated else tuple(device.compute_capability)
+        if self.capability < LEAST_CAPABILITY:
+            least, came = (".".join(map(str, pair)) for pair in (LEAST_CAPABILITY, self.capability))
+            raise DeviceError(f"device cuda: expected a GPU of compute capability {least} or more; {self.name} has {came}")
+
+    @property
+    def kernels(self) -> Any:
+        """What it can launch; imported when first asked for."""
+        from luxel.cuda import kernels
+
+        return kernels
+
+    def free_memory(self) -> int:
+        """Bytes that can be had."""
+        if self._simulated:
+            return 1 << 32
+        return int(self._cuda.current_context().get_memory_info()[0])
+
+    def array(self, host: Array) -> Any:
+        """A copy on the device."""
+        host = np.ascontiguousarray(host)
+        return host.copy() if self._simulated else self._allocated(host.nbytes, lambda: self._cuda.to_device(host))
+
+    def copied(self, arrays: Any) -> Any:
+        """A named tuple with all its arrays copied to the device, deep down."""
+        if isinstance(arrays, np.ndarray):
+            return self.array(arrays)
+        if isinstance(arrays, tuple):
+            return type(arrays)(*(self.copied(item) for item in arrays)) if hasattr(arrays, "_fields") else tuple(self.copied(item) for item in arrays)
+        return arrays
+
+    def empty(self, shape: tuple[int, ...], dtype: Any) -> Any:
+        """An array whose values are undefined."""
+        if self._simulated:
+            return np.zeros(shape, dtype)
+        return self._allocated(math.prod(shape) * np.dtype(dtype).itemsize, lambda: self._cuda.device_array(shape, dtype))
+
+    def _allocated(self, size: int, make: Any) -> Any:
+        try:
+            return make()
+        except Exception as error:
+            if "OUT_OF_MEMORY" not in str(error):
+                raise
+            raise DeviceError(f"device cuda: {_size(size)} of memory wanted, {_size(self.free_memory())} free on {self.name}") from error
+
+    def host(self, array: Any) -> Array:
+        """A copy in the processor's memory."""
+        return np.array(array) if self._simulated else array.copy_to_host()
+
+    def view(self, array: Any, dtype: Any) -> Any:
+        """The same memory as another type of the same size."""
+        return array.view(dtype)
+
+    def launch(self, kernel: Any, shape: tuple[int, int], *arguments: Any) -> None:
+        """Start a grid of at least shape[0] threads for each of shape[1] views; it gets the shape before its arguments."""
+        if 0 in shape:
+            return
+        block = 4 if self._simulated else _BLOCK  # the simulator starts a thread of the system for each
+        kernel[(-(-shape[0] // block), shape[1]), (block, 1)](*shape, *arguments)
+
+    def wait(self) -> None:
+        """Until all that was launched is done."""
+        if not self._simulated:
+            self._cuda.synchronize()
+
+    def expect(self, size: int, what: str) -> None:
+        """Raise a DeviceError if `size` bytes are not to be had."""
+        free = self.free_memory()
+        if size > free:
+            raise DeviceError(f"device cuda: {what} needs {_size(size)} of memory, {_size(free)} are free on {self.name}; "
+                              "expected a smaller picture, fewer samples or fewer triangles")  # fmt: skip
+
+
+def _size(size: int) -> str:
+    return f"{size / 1e9:.1f} GB" if size >= 1e8 else f"{size / 1e6:.1f} MB"
+
+
+def _text(name: Any) -> str:
+    return name.decode() if isinstance(name, bytes) else str(name)
+
+
+def _reason(error: Exception) -> str:
+    lines = [line.strip() for line in str(error).splitlines() if line.strip() and not line.startswith("Error at driver init")]
+    return lines[0] if lines else type(error).__name__
+
+
+@cache
+def gpu() -> Gpu:
+    """The GPU.
+
+    Raises:
+        ExtraMissingError: The package numba-cuda is not installed.
+        DeviceError: No driver, no GPU, or too old a one.
+    """
+    return Gpu()
+
+
+def find(device: str) -> Gpu | None:
+    """What `device` names: None for the processor.
+
+    Args:
+        device: "cpu", "cuda", or "auto": a GPU if there is one, else the processor, with a warning that says why.
+
+    Raises:
+        InputError: It names none of these.
+        ExtraMissingError, DeviceError: For "cuda", as `gpu`.
+    """
+    if device not in DEVICES:
+        raise InputError(f"device: expected one of {', '.join(DEVICES)}; got {device!r}")
+    if device == "cpu":
+        return None
+    try:
+        return gpu()
+    except (DeviceError, ExtraMissingError) as error:
+        if device == "cuda":
+            raise
+        warnings.warn(f"device auto: drawing on the processor: {error}", LuxelWarning, stacklevel=3)
+        return None

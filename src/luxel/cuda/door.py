@@ -1,0 +1,100 @@
+"""The only importer of numba.cuda: decorators for kernels and for the functions that they call.
+
+Kernels are compiled without fused multiplication and addition, so that what is drawn on a GPU has the bits of what is drawn on a processor. Numba
+has no option for that. NVVM, which it calls, has (-fma), and gets it here. With the variable NUMBA_ENABLE_CUDASIM kernels run as Python, thread by
+thread, to be tested where there is no GPU.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from luxel import jit
+from luxel.errors import ExtraMissingError
+
+if importlib.util.find_spec("numba_cuda") is None:
+    raise ExtraMissingError("numba-cuda", "cuda", "drawing on a GPU")
+
+from numba import cuda
+
+__all__ = ["SIMULATED", "cuda", "function", "initialise", "kernel", "libdevice", "ptx"]
+
+SIMULATED = os.environ.get("NUMBA_ENABLE_CUDASIM", "0") not in ("", "0")
+libdevice: Any = None if SIMULATED else importlib.import_module("numba.cuda.libdevice")
+
+
+@contextmanager
+def _unfused() -> Iterator[None]:
+    """While in the block, NVVM is told not to fuse; what other threads compile waits."""
+    from numba.cuda.core.compiler_lock import global_compiler_lock
+    from numba.cuda.cudadrv import nvvm
+
+    with global_compiler_lock:
+        before = nvvm.compile_ir
+        nvvm.compile_ir = lambda *modules, **options: before(*modules, **{**options, "fma": 0})
+        try:
+            yield
+        finally:
+            nvvm.compile_ir = before
+
+
+def function(python: Callable[..., Any]) -> Any:
+    """A function that kernels call."""
+    return cuda.jit(python, device=True)
+
+
+def kernel(python: Callable[..., Any]) -> Any:
+    """A grid: compiled when it is first launched, and kept on disk like those of `luxel.jit`."""
+    if SIMULATED:
+        return cuda.jit(python)
+    from numba.cuda.core import config
+
+    before, folder = config.CACHE_DIR, jit.cache_folder()
+    if folder:
+        config.CACHE_DIR = str(Path(folder) / f"cuda-{jit.digest(python.__module__)}")
+    try:
+        made = cuda.jit(python, lto=False, cache=bool(folder))  # what is linked at last would be fused again
+    finally:
+        config.CACHE_DIR = before
+    compile_as_numba_does = made.compile
+
+    def compile(signature: Any) -> Any:
+        with _unfused():
+            return compile_as_numba_does(signature)
+
+    made.compile = compile
+    return made
+
+
+def ptx(grid: Any, arguments: tuple[Any, ...], capability: tuple[int, int]) -> str:
+    """What a kernel is compiled to, for arguments like these; no GPU is needed."""
+    from types import SimpleNamespace
+
+    from numba.cuda import dispatcher
+    from numba.cuda.typing.typeof import typeof
+
+    signature = tuple(typeof(argument) for argument in arguments)
+    before = dispatcher.get_current_device
+    dispatcher.get_current_device = lambda: SimpleNamespace(compute_capability=capability)
+    try:
+        with _unfused():
+            return cuda.compile(grid.py_func, signature, device=False, abi="numba", cc=capability)[0]
+    finally:
+        dispatcher.get_current_device = before
+
+
+def initialise() -> Any:
+    """The current GPU, as Numba has it.
+
+    Raises:
+        Exception: Numba's: there is no driver, or no GPU, or it does not answer.
+    """
+    if not SIMULATED and not len(cuda.gpus):
+        raise OSError("no GPU")
+    return cuda.get_current_device()
