@@ -118,24 +118,25 @@ class Add(Operator):
 
         def far(word, distance):
             part = Fields(word, f)
-            there = part.exponent.any()
-            digits = Cat(C(0, _GUARD), Mux(there, part.significand, 0))
-            gone, half = distance[5:].any(), distance[4]
-            lost = Mux(gone, there, half & there & Cat(C(0, _GUARD), part.significand)[:16].any())
-            return Mux(gone, 0, Mux(half, digits.shift_right(16), digits)), lost
+            there, gone, half = part.exponent.any(), distance[5:].any(), distance[4]
+            digits = Cat(C(0, _GUARD), part.significand & there.replicate(f.fraction + 1))
+            return Mux(gone, 0, Mux(half, digits.shift_right(16), digits)), gone & there, half, there & digits[_GUARD:16].any()
 
         def near(unit, low):
-            def move(digits, lost, distance):
+            def move(digits, distance):
                 count = distance[low : low + 2]
                 moved = [digits.shift_right(unit * k) for k in range(4)]
                 fell = [C(0, 1)] + [digits[: unit * k].any() for k in range(1, 4)]
-                return chosen(count, moved), lost | chosen(count, fell)
+                return chosen(count, moved), chosen(count, fell)
 
             return move
 
-        moved, sticky = p.step("far lost", far, small, distance)
-        moved, sticky = p.step("middle lost_more", near(4, 2), moved, sticky, distance)
-        return p.step("near sticky", near(1, 0), moved, sticky, distance)
+        moved, gone, half, low = p.step("far gone half low", far, small, distance)
+        lost = p.step("lost", lambda gone, half, low: gone | (half & low), gone, half, low)
+        moved, fell = p.step("middle fell", near(4, 2), moved, distance)
+        moved, last = p.step("near last", near(1, 0), moved, distance)
+        lost = p.step("sticky", lambda lost, fell: lost | fell, lost, fell)
+        return moved, Timed(lost.value | last.value, lost.time)
 
 
 def normalised(p: Pipeline, digits: Timed) -> tuple[Timed, Timed, Timed]:

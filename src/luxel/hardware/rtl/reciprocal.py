@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from amaranth import C, Cat, Mux, Value, unsigned
+from amaranth import C, Cat, Mux, unsigned
 
 from luxel.hardware.formats import FLOAT32, Format
 from luxel.hardware.interpolator import LUXEL, Precision
 from luxel.hardware.reciprocal import Table, table
-from luxel.hardware.rtl.floats import Convert, Fields, FromInteger
+from luxel.hardware.rtl.floats import Convert, Fields, FromInteger, chosen
 from luxel.hardware.rtl.pipeline import Operator, Pipeline, Timed
 from luxel.hardware.rtl.product import HardProduct
 
@@ -26,7 +26,7 @@ class Reciprocal(Operator):
         part = Fields(v.value, f)
         low, segment = Timed(part.fraction[: w.low], 0), part.fraction[w.low :]
         c, b, a = (
-            p.step(name, lambda i, column=column, bits=bits: looked_up(i, column, bits), Timed(segment, 0))
+            looked_up(p, name, Timed(segment, 0), column, bits)
             for name, column, bits in (("c", self.rows.c, w.c), ("b", self.rows.b, w.b), ("a", self.rows.a, w.a))
         )
         whole = unsigned(w.low)
@@ -38,19 +38,17 @@ class Reciprocal(Operator):
         shifts = u - w.c, u - w.fraction - w.b + 1, u - 2 * w.segments - w.a - w.square + 1
         line = p.step("line", lambda c, l: (c.shift_left(shifts[0]) - l.shift_left(shifts[1]))[:u], c, linear)
         total = p.step("total", lambda l, q: (l + q.shift_left(shifts[2]))[u - w.fraction : u], line, curved)
-        power = p.step(
-            "power",
-            lambda e, x: (2 * f.bias - 1 - e + ~x.any()).as_signed()[: f.exponent + 2].as_signed(),
-            Timed(part.exponent, 0),
-            Timed(part.fraction, 0),
-        )
-        exact, zero = Timed(~part.fraction.any(), 0), Timed(~part.exponent.any(), 0)
+        exact = p.step("exact", lambda x: ~x.any(), Timed(part.fraction, 0))
+        zero = p.step("zero", lambda e: ~e.any(), Timed(part.exponent, 0))
+        power = p.step("power", lambda e, exact: (2 * f.bias - 1 - e + exact)[: f.exponent + 2].as_signed(), Timed(part.exponent, 0), exact)
+        none = p.step("none", lambda power: power < 1, power)
 
-        def packed(fraction, power, exact, zero, sign):
-            word = Mux(power < 1, 0, Cat(Mux(exact, 0, fraction), power[: f.exponent], sign))
-            return Mux(zero, Cat(C(f.largest, f.bits - 1), sign), word)
+        def packed(fraction, power, exact, none, zero, sign):
+            fraction = Mux(zero, C(f.largest, f.fraction), Mux(exact | none, 0, fraction))
+            power = Mux(zero, C(f.largest >> f.fraction, f.exponent), Mux(none, 0, power[: f.exponent]))
+            return Cat(fraction, power, sign & (zero | ~none))
 
-        return {"reciprocal": p.step("reciprocal", packed, total, power, exact, zero, Timed(part.sign, 0))}
+        return {"reciprocal": p.step("reciprocal", packed, total, power, exact, none, zero, Timed(part.sign, 0))}
 
 
 class Inverse(Operator):
@@ -67,11 +65,10 @@ class Inverse(Operator):
         return {"inverse": p.call(Convert(self.precision.reciprocal_format, FLOAT32), v=found)}
 
 
-def looked_up(index: Value, column: object, bits: int) -> Value:
-    """column[index] out of constants, by a tree of choices: synthesis makes logic of it."""
+def looked_up(p: Pipeline, name: str, index: Timed, column: object, bits: int) -> Timed:
+    """column[index] out of constants, by a tree of choices in two steps: synthesis makes logic of it."""
     values = [C(int(value), bits) for value in column]  # type: ignore[attr-defined]
-    for bit in index:
-        values = [Mux(bit, values[k + 1], values[k]) for k in range(0, len(values), 2)]
-    return values[0]
-
-
+    half = len(values) // 2
+    low, high = p.step(f"{name}_low {name}_high", lambda i: (chosen(i[:-1], values[:half]), chosen(i[:-1], values[half:])), index)
+    top = Timed(index.value[-1], index.time)
+    return p.step(name, lambda low, high, top: Mux(top, high, low), low, high, top)

@@ -16,6 +16,7 @@ from amaranth import C, Cat, Module, Mux, Signal, Value, unsigned
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
+from luxel.hardware.rtl.floats import chosen
 from luxel.hardware.rtl.pipeline import Pipeline, Timed
 from luxel.hardware.rtl.setup import BLOCK_LOG2, Sizes
 from luxel.hardware.rtl.streams import Fifo, valid_line
@@ -27,18 +28,19 @@ _AHEAD = 16
 
 
 def block_layout(sizes: Sizes) -> data.StructLayout:
-    """A block: edge functions at the first pixel of its first row in the bounding box, that pixel, the rows and columns in the box, and whether
-    it is covered wholly."""
+    """A block: edge functions at the first pixel of its first row in the bounding box, that pixel, the rows (less one) and columns in the box, and
+    whether it is covered wholly; `one` and `two`: whether it is to be walked in one or two steps."""
     edges = {f"{name}{i}": shape for i in EDGES for name, shape in (("e", sizes.edge), ("a", sizes.step), ("b", sizes.step))}
     place = {"x": sizes.pixel, "y": sizes.pixel, "rows": BLOCK_LOG2, "left": BLOCK_LOG2, "right": BLOCK_LOG2}
-    return data.StructLayout(edges | sizes.kept() | place | {"accepted": 1, "drawn": 1, "last": 1})
+    return data.StructLayout(edges | sizes.kept() | place | dict.fromkeys(("one", "two", "accepted", "drawn", "last"), 1))
 
 
 def row_layout(sizes: Sizes) -> data.StructLayout:
-    """Fragments side by side: edge functions 1 and 2 at the first, their changes, where it is, and how many follow it."""
+    """Fragments side by side: edge functions 1 and 2 at the first, their changes, where it is, and how many follow; `one` and `two` as of blocks."""
     edges = {f"{name}{i}": shape for i in (1, 2) for name, shape in (("e", unsigned(sizes.edge.width)), ("a", sizes.step))}
     fractions = {f"fraction{i}": 8 for i in (1, 2)}
-    return data.StructLayout(edges | fractions | {"x": sizes.pixel, "y": sizes.pixel, "following": BLOCK_LOG2, "drawn": 1, "last": 1})
+    place = {"x": sizes.pixel, "y": sizes.pixel, "following": BLOCK_LOG2}
+    return data.StructLayout(edges | fractions | place | dict.fromkeys(("one", "two", "drawn", "last"), 1))
 
 
 def fragment_layout(sizes: Sizes) -> data.StructLayout:
@@ -158,10 +160,13 @@ class Blocks(wiring.Component):
         accepted = p.step("accepted", lambda *out: ~Cat(out).any(), *signs["low"])
         skipped = p.step("skipped", lambda top, y: Mux(top, y[:BLOCK_LOG2], 0), s["top"], s["first_y"])
         rows = p.step("rows", lambda bottom, y, skip: Mux(bottom, y[:BLOCK_LOG2], BLOCK - 1) - skip, s["bottom"], s["last_y"], skipped)
+        rows = Timed(rows.value[:BLOCK_LOG2], rows.time)
         made = {
             "x": Timed(Cat(C(0, BLOCK_LOG2), s["x"].value), 0),
             "y": p.step("y", lambda y, skip: Cat(skip, y), s["y"], skipped),
-            "rows": Timed(rows.value[:BLOCK_LOG2], rows.time),
+            "rows": rows,
+            "one": p.step("one", lambda rows, drawn: (rows == 0) | ~drawn, rows, touched),
+            "two": p.step("two", lambda rows, drawn: (rows == 1) & drawn, rows, touched),
             "left": p.step("left", lambda first, x: Mux(first, x[:BLOCK_LOG2], 0), s["leftmost"], s["first_x"]),
             "right": p.step("right", lambda last, x: Mux(last, x[:BLOCK_LOG2], BLOCK - 1), s["right"], s["last_x"]),
             "accepted": accepted, "drawn": touched,
@@ -190,24 +195,24 @@ class Rows(wiring.Component):
         wiring.connect(m, fifo.o, wiring.flipped(self.o))
         row = Signal(row_layout(self.sizes), name="row_found")
         m.d.comb += [row[key].eq(p.at(found[key], time)) for key in found]
-        some = valid_line(m, valid, p.go, time - 1)[time - 1] & (p.at(found["drawn"], time - 1) | p.at(found["last"], time - 1))
-        self._merge(m, p, row, some, fifo)
+        before = valid_line(m, valid, p.go, time - 1)[time - 1] & (p.at(found["drawn"], time - 1) | p.at(found["last"], time - 1))
+        self._merge(m, p, row, before, fifo)
         p.into(m)
         return m
 
     def _walk(self, m: Module, p: Pipeline) -> tuple[dict[str, Timed], Value]:
         """The state: a row of a block, on every clock the next; and whether there is one."""
         block, new = Signal(block_layout(self.sizes), name="block", reset_less=True), self.i.payload
-        final = Signal(reset_less=True)
-        single = (new.rows == 0) | ~new.drawn
-        walk = Walk(m, p, self.i, single, block.rows == 1)
+        nearly, final = Signal(reset_less=True), Signal(reset_less=True)  # at the last row but one, at the last
+        walk = Walk(m, p, self.i, new.one, nearly)
         steps = {f"e{i}": (block[f"e{i}"] + block[f"b{i}"])[: self.sizes.edge.width].as_signed() for i in EDGES}
         steps |= {"y": block.y + 1, "rows": block.rows - 1}
         for key in block.shape().members:
             if key in steps:
                 walk.stepped(block[key], new[key], steps[key])
         walk.fetched([(block[key], new[key]) for key in block.shape().members if key not in steps])
-        walk.stepped(final, single, block.rows == 1)
+        walk.stepped(nearly, new.two, block.rows == 2)
+        walk.stepped(final, new.one, nearly)
         return constants(block_layout(self.sizes), block) | {"final": Timed(final, 0)}, walk.busy
 
     def _cover(self, p: Pipeline, s: dict[str, Timed]) -> dict[str, Timed]:
@@ -231,11 +236,15 @@ class Rows(wiring.Component):
         )  # fmt: skip
         first = p.step("first", lambda v: lowest(v), covered)
         end = p.step("end", lambda v: BLOCK - 1 - lowest(Cat(reversed(v))), covered)
+        following = p.step("following", lambda first, end: (end - first)[:BLOCK_LOG2], first, end)
+        drawn = p.step("drawn", lambda v: v.any(), covered)
         found = {
             "x": p.step("x", lambda x, first: Cat(first, x[BLOCK_LOG2:]), s["x"], first),
             "y": s["y"],
-            "following": p.step("following", lambda first, end: (end - first)[:BLOCK_LOG2], first, end),
-            "drawn": p.step("drawn", lambda v: v.any(), covered),
+            "following": following,
+            "one": p.step("one", lambda n, drawn: (n == 0) | ~drawn, following, drawn),
+            "two": p.step("two", lambda n, drawn: (n == 1) & drawn, following, drawn),
+            "drawn": drawn,
             "last": p.step("last", lambda last, final: last & final, s["last"], s["final"]),
         }
         for i in (1, 2):
@@ -244,15 +253,15 @@ class Rows(wiring.Component):
             found |= {f"a{i}": s[f"a{i}"], f"fraction{i}": s[f"fraction{i}"]}
         return found
 
-    def _merge(self, m: Module, p: Pipeline, row: Any, some: Value, fifo: Fifo) -> None:
+    def _merge(self, m: Module, p: Pipeline, row: Any, before: Value, fifo: Fifo) -> None:
         """Keep a row until it is known whether it is the last of its triangle: if empty ones follow, it learns that at their end.
 
-        `some` is about the row that comes: whether it has anything to tell.
+        `before` is whether the row that comes to `row` next has anything to tell.
         """
         kept, waiting = Signal(row.shape(), name="kept", reset_less=True), Signal()
         comes, comes_next, ends = Signal(), Signal(), Signal()
         m.d.comb += [
-            comes_next.eq(Mux(p.go, some, comes)),
+            comes_next.eq(Mux(p.go, before, comes)),
             ends.eq(comes & ~row.drawn & waiting & ~kept.last),
             fifo.push.eq(p.go & waiting & (kept.last | comes)),
             fifo.data.eq(kept),
@@ -273,15 +282,15 @@ class Fragments:
     def walk(self, m: Module, p: Pipeline, i: Any) -> tuple[dict[str, Value], Value]:
         """The fields of a fragment, on every clock the next; and whether there is one."""
         row, new = Signal(row_layout(self.sizes), name="row", reset_less=True), i.payload
-        final = Signal(name="row_final", reset_less=True)
-        single = (new.following == 0) | ~new.drawn
-        walk = Walk(m, p, i, single, row.following == 1)
+        nearly, final = Signal(name="row_nearly", reset_less=True), Signal(name="row_final", reset_less=True)
+        walk = Walk(m, p, i, new.one, nearly)
         steps = {f"e{k}": (row[f"e{k}"] + row[f"a{k}"])[: self.sizes.edge.width] for k in (1, 2)}
         steps |= {"x": row.x + 1, "following": row.following - 1}
         for key, step in steps.items():
             walk.stepped(row[key], new[key], step)
         walk.fetched([(row[key], new[key]) for key in row.shape().members if key not in steps])
-        walk.stepped(final, single, row.following == 1)
+        walk.stepped(nearly, new.two, row.following == 2)
+        walk.stepped(final, new.one, nearly)
         edge = {name: Cat(row[f"fraction{k}"], row[f"e{k}"])[: self.sizes.area] for k, name in ((1, "l_ca"), (2, "l_ab"))}
         return {"x": row.x, "y": row.y, "drawn": row.drawn, "last": row.last & final} | edge, walk.busy
 
@@ -317,9 +326,15 @@ def connected(m: Module, sizes: Sizes, triangles: Any) -> Any:
 
 
 def times_added(p: Pipeline, name: str, value: Timed, step: Timed, times: Timed) -> Timed:
-    """value + times * step, for `times` of 3 bits, in three additions."""
-    part = p.step(f"{name}_part", lambda s, n: Mux(n[0], s, 0) + Mux(n[1], s.shift_left(1), 0), step, times)
-    whole = p.step(f"{name}_times", lambda v, s, n: v + Mux(n[2], s.shift_left(2), 0), part, step, times)
+    """value + times * step, for `times` of 3 bits, in three steps: choices, and two additions."""
+    before = times.time - 1
+    thrice = p.step(f"{name}_thrice", lambda s: s + s.shift_left(1), Timed(p.at(step, before), before))
+    low, high = p.step(
+        f"{name}_low {name}_high",
+        lambda s, t, n: (chosen(n[:2], [C(0, t.shape()), s, s.shift_left(1), t]), Mux(n[2], s, 0)),
+        step, thrice, times,
+    )  # fmt: skip
+    whole = p.step(f"{name}_times", lambda l, h: l + h.shift_left(2), low, high)
     return p.step(name, lambda e, v: (e + v)[: len(e)].as_signed(), value, whole)
 
 

@@ -13,6 +13,7 @@ from amaranth import C, Cat, Mux, Value, signed, unsigned
 from amaranth.lib import data
 
 from luxel.hardware.rtl.area import CORNERS, Area, corner_shapes
+from luxel.hardware.rtl.floats import chosen
 from luxel.hardware.rtl.pipeline import Operator, Pipeline, Timed
 from luxel.hardware.rtl.product import product
 from luxel.hardware.scan import BLOCK, CENTRE
@@ -68,7 +69,7 @@ class SetUp(Operator):
         super().__init__(f"set_up_{sizes.coordinate}", corner_shapes(sizes.coordinate) | {"right": pixel, "bottom": pixel})
 
     def build(self, p: Pipeline, right: Timed, bottom: Timed, **corner: Timed) -> dict[str, Timed]:
-        """Latency 18."""
+        """Latency 19."""
         x, y = ([corner[f"{axis}{i}"] for i in range(3)] for axis in "xy")
         area, flipped = p.call(Area(self.sizes.coordinate), **{key: corner[key] for key in CORNERS})
         first_x, last_x = self._box(p, "x", x, right)
@@ -107,10 +108,13 @@ class SetUp(Operator):
         width = self.sizes.coordinate
         less = [p.step(f"{name}{i}_less", lambda u, w: u < w, v[i], v[j]) for i, j in ((0, 1), (1, 2), (2, 0))]
 
-        def extreme(u, v, w, uv, vw, wu):
-            return Mux(uv & ~wu, u, Mux(vw & ~uv, v, w)), Mux(wu & ~uv, u, Mux(uv & ~vw, v, w))
+        def which(uv, vw, wu):
+            return Mux(uv & ~wu, 0, Mux(vw & ~uv, 1, 2))[:2], Mux(wu & ~uv, 0, Mux(uv & ~vw, 1, 2))[:2]
 
-        least, most = p.step(f"{name}_least {name}_most", extreme, *v, *less)
+        ends = p.step(f"{name}_which_least {name}_which_most", which, *less)
+        least, most = (
+            p.step(f"{name}_{way}", lambda which, *v: chosen(which, list(v)).as_signed(), which, *v) for way, which in zip(("least", "most"), ends)
+        )
         first, last = p.step(
             f"{name}_first {name}_last",
             lambda l, m: ((l + (CENTRE - 1)).shift_right(SUBPIXEL_LOG2), (m - CENTRE).shift_right(SUBPIXEL_LOG2)),
@@ -152,7 +156,8 @@ class SetUp(Operator):
 
     def _span(self, p: Pipeline, name: str, a: Timed, b: Timed, sign: int) -> Timed:
         """The largest (smallest) change of an edge function within a block."""
-        part = p.step(f"{name}_part", lambda a, b: Mux(a[-1] == sign, a, 0) + Mux(b[-1] == sign, b, 0), a, b)
+        parts = (p.step(f"{name}_{axis}", lambda v: Mux(v[-1] == sign, v, 0), v) for axis, v in (("x", a), ("y", b)))
+        part = p.step(f"{name}_part", lambda x, y: x + y, *parts)
         return p.step(name, lambda v: (v.shift_left(BLOCK_LOG2) - v)[: self.sizes.span.width].as_signed(), part)
 
 

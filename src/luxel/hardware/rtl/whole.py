@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from amaranth import C, Module, Signal
+from amaranth import C, Module, Mux, Signal
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
@@ -156,17 +156,16 @@ class Interpolator(wiring.Component):
         fragment, busy = Fragments(self.sizes).walk(m, p, rows)
         place = {key: Timed(fragment[key], 0) for key in ("x", "y", "drawn", "last")}
         edges = {key: Timed(fragment[key], 0) for key in ("l_ca", "l_ab")}
-        weights = p.call(Barycentrics(self.sizes.area, self.precision), **edges, inverse=Timed(inverses.o.payload, 0))
+        weights = p.call(Barycentrics(self.sizes.area, self.precision), **edges, inverse=Timed(inverses.o.payload, 1))
         time = weights[0].time
         values = {key: Timed(colors.o.payload[key], time) for key in COLORS}
         out = p.call(Color(), **dict(zip(("alpha", "beta", "gamma"), weights)), **values)
         end = out[0].time
         valid = valid_line(m, busy, p.go, end)
-        m.d.comb += [
-            inverses.o.ready.eq(p.go & busy & fragment["last"]),
-            colors.o.ready.eq(p.go & valid[time] & p.at(place["last"], time)),
-            fifo.push.eq(p.go & valid[end] & p.at(place["drawn"], end)),
-        ]
+        for waiting, when in ((inverses, 1), (colors, time)):
+            ends = [valid[t] & p.at(place["last"], t) for t in (when - 1, when)]
+            m.d.sync += waiting.o.ready.eq(p.go_next & Mux(p.go, *ends))  # so it is one of the last fragment on the clock that comes, and that goes
+        m.d.comb += fifo.push.eq(p.go & valid[end] & p.at(place["drawn"], end))
         m.d.comb += [fifo.data[key].eq(p.at(place[key], end)) for key in ("x", "y", "last")]
         m.d.comb += [fifo.data[key].eq(timed.value) for key, timed in zip(CHANNELS, out)]
         wiring.connect(m, fifo.o, wiring.flipped(self.o))

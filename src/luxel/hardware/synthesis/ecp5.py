@@ -17,6 +17,15 @@ _REGISTERS = ("INPUTA", "INPUTB", "PIPELINE", "OUTPUT")
 _SMALL = 19  # product bits up to which logic is as good as a hard multiplier
 _FREQUENCY = "300"  # MHz that placing and routing tries for
 
+_SCRIPT = """synth_ecp5 -nodsp -noflatten -top {top} -run :map_ffs
+dffunmap -srst-only
+synth_ecp5 -nodsp -noflatten -top {top} -run map_ffs:json
+flatten
+clean
+write_json mapped.json
+"""
+"""Resets of registers become logic: the wires to a reset's pin are slow, and Yosys uses it for every "else 0"."""
+
 
 @dataclass(frozen=True)
 class Placed:
@@ -53,7 +62,7 @@ def place(design: Design, folder: Path, seeds: int = 5, device: str = "um5g-45k"
     (folder / "circuit.il").write_text("\n".join(unit.text for unit in units if unit not in hard))
     (folder / "hard.v").write_text("\n".join(multiplier(unit) for unit in hard))
     read = "read_rtlil circuit.il\n" + ("read_verilog hard.v\n" if hard else "")
-    tools.yosys(f"{read}synth_ecp5 -nodsp -noflatten -top {design.top} -run :json\nflatten\nclean\nwrite_json mapped.json\n", folder)
+    tools.yosys(read + _SCRIPT.format(top=design.top), folder)
     with ThreadPoolExecutor(jobs) as pool:
         reports = list(pool.map(lambda seed: _route(folder, seed, device, speed), range(1, seeds + 1)))
     used = {name: int(value["used"]) for name, value in reports[0]["utilization"].items()}
