@@ -12,6 +12,8 @@ from luxel.hardware.synthesis import tools
 
 needs_yosys = pytest.mark.skipif(not tools.available("yosys"), reason="Yosys is not installed (the extra hdl)")
 
+needs_nextpnr = pytest.mark.skipif(not tools.available("nextpnr-ecp5"), reason="nextpnr-ecp5 is not installed (the extra hdl)")
+
 
 @pytest.fixture
 def idle(monkeypatch):
@@ -81,3 +83,24 @@ def test_synth_refuses(tmp_path, monkeypatch, capsys, idle, options, said):
     (tmp_path / "empty.lib").write_text("library (empty) {}\n")
     assert said in error_of(capsys, f"synth {'' if '--module' in options else '--module reciprocal '}{options}")
     assert [path.name for path in tmp_path.iterdir()] == ["empty.lib"]
+
+
+@needs_yosys
+@needs_nextpnr
+def test_synth_places_and_routes(tmp_path, capsys):
+    """The area module on an ECP5, whole: mapped, placed, routed, reported."""
+    keep = tmp_path / "kept"
+    assert main(["hardware", "synth", "--module", "area", "--seeds", "1", "--keep", str(keep), "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["paper_MHz"] == 222.2
+    (row,) = said["modules"]
+    assert row["MHz, least"] == row["MHz"] == row["MHz, most"] == row["M a second"] > 150
+    assert row["multipliers"] == 6  # two products of 22 x 22 bits, of which 5 x 5 are logic
+    assert 500 < row["LUTs"] < 2000 > row["registers"] > 500
+    assert row["memory, bits"] == 64 * 8  # 32 bits a result, sixteen deep at most
+    assert " to " in row["slowest path"]
+    report = json.loads((keep / "area" / "report-um5g-45k-8-1.json").read_text())
+    assert [clock["achieved"] for clock in report["fmax"].values()] == [row["MHz"]]
+    netlist = json.loads((keep / "area" / "mapped.json").read_text())
+    kinds = [cell["type"] for cell in netlist["modules"]["area"]["cells"].values()]
+    assert kinds.count("MULT18X18D") == 6

@@ -6,10 +6,11 @@ from dataclasses import replace
 import numpy as np
 
 from luxel.hardware.float24 import FLOAT24
+from luxel.hardware.rtl import netlist
 from luxel.hardware.rtl.area import CORNERS
 from luxel.hardware.rtl.barycentric import COLORS
 from luxel.hardware.rtl.verilog import write
-from luxel.hardware.synthesis import tools
+from luxel.hardware.synthesis import ecp5, tools
 
 
 def corner_words(f):
@@ -55,7 +56,32 @@ def columns(corners, words=None):
     return fields if words is None else fields | {key: words[:, k // 3, k % 3] for k, key in enumerate(COLORS)}
 
 
-def in_icarus(design, inputs, count, folder, seed=1, **ports):
+def as_written(design, folder):
+    """The Verilog that is for simulators and all tools; the files."""
+    write(design, folder)
+    return ["-c", f"{design.top}.f"]
+
+
+def with_hard_multipliers(design, folder):
+    """The same with the products' modules as an ECP5 has them: one MULT18X18D each, of which Lattice's description is written down below."""
+    files = [path.name for path in write(design, folder)[:-1]]
+    hard = ecp5.hard_products(netlist.units(design.make, design.top))
+    assert hard
+    (folder / "hard.v").write_text("\n".join(ecp5.multiplier(unit) for unit in hard))
+    (folder / "dsp.v").write_text(DSP)
+    return ["dsp.v", "hard.v", *(name for name in files if name.removesuffix(".v") not in {unit.name for unit in hard})]
+
+
+def mapped(design, folder):
+    """What Yosys makes of it for an ECP5, by Yosys' models of LUTs, carries, flip-flops and memories."""
+    ecp5.synthesise(design, folder)
+    models = "read_verilog -overwrite -DNO_INCLUDES +/lattice/cells_sim_ecp5.v"
+    tools.yosys(f"read_json mapped.json\ndelete =$paramod*\n{models}\nhierarchy -top {design.top}\nproc\nflatten -wb\nclean\nwrite_verilog -noattr mapped.v\n", folder)
+    (folder / "dsp.v").write_text(DSP)
+    return ["dsp.v", "mapped.v"]
+
+
+def in_icarus(design, inputs, count, folder, seed=1, files=as_written, **ports):
     """Run a design's Verilog with random stalls at both ends; the fields of what leaves."""
     layouts = []
 
@@ -64,13 +90,13 @@ def in_icarus(design, inputs, count, folder, seed=1, **ports):
         layouts.extend((component.i.payload.shape(), component.o.payload.shape()))
         return component
 
-    write(replace(design, make=make), folder)
+    sources = files(replace(design, make=make), folder)
     total = sum((np.asarray(inputs[key], object) & (1 << f.width) - 1) << f.offset for key, f in layouts[0])
     (folder / "in.hex").write_text("".join(f"{value:x}\n" for value in total))
     wired = "".join(f", .{name}({value})" for name, value in ports.items())
     bench = _BENCH.format(top=design.top, n=len(total), count=count, iw=layouts[0].size, ow=layouts[1].size, ports=wired, seed=seed)
     (folder / "bench.v").write_text(bench)
-    tools.run("iverilog", ["-g2005", "-o", "bench.vvp", "-s", "bench", "-c", f"{design.top}.f", "bench.v"], folder)
+    tools.run("iverilog", ["-g2005", "-o", "bench.vvp", "-s", "bench", *sources, "bench.v"], folder)
     subprocess.run(["vvp", "-n", "bench.vvp"], cwd=folder, check=True, capture_output=True, timeout=120)
     words = [int(line, 16) for line in (folder / "out.hex").read_text().split()]
     fields = {}
@@ -106,3 +132,23 @@ module bench;
   end
 endmodule
 """
+
+DSP = """// The parts of a MULT18X18D that the circuit uses, after Lattice's technical note on the ECP5's sysDSP.
+module MULT18X18D(%(ports)s, input SIGNEDA, SIGNEDB, SOURCEA, SOURCEB, CLK0, CE0, RST0);
+  parameter REG_INPUTA_CLK = "NONE", REG_INPUTA_CE = "CE0", REG_INPUTA_RST = "RST0";
+  parameter REG_INPUTB_CLK = "NONE", REG_INPUTB_CE = "CE0", REG_INPUTB_RST = "RST0";
+  parameter REG_PIPELINE_CLK = "NONE", REG_PIPELINE_CE = "CE0", REG_PIPELINE_RST = "RST0";
+  parameter REG_OUTPUT_CLK = "NONE", REG_OUTPUT_CE = "CE0", REG_OUTPUT_RST = "RST0";
+  wire [17:0] a = {%(a)s}, b = {%(b)s};
+  reg [17:0] a_in, b_in;
+  reg [35:0] pipeline, p;
+  wire [17:0] a_now = REG_INPUTA_CLK == "CLK0" ? a_in : a, b_now = REG_INPUTB_CLK == "CLK0" ? b_in : b;
+  wire [35:0] product = {{18{SIGNEDA & a_now[17]}}, a_now} * {{18{SIGNEDB & b_now[17]}}, b_now};
+  wire [35:0] product_now = REG_PIPELINE_CLK == "CLK0" ? pipeline : product;
+  always @(posedge CLK0) if (CE0) begin a_in <= a; b_in <= b; pipeline <= product; p <= product_now; end
+  assign {%(p)s} = REG_OUTPUT_CLK == "CLK0" ? p : product_now;
+endmodule
+""" % {
+    "ports": ", ".join(f"{'output' if name == 'P' else 'input'} {name}{k}" for name, n in (("A", 18), ("B", 18), ("P", 36)) for k in range(n)),
+    **{name.lower(): ", ".join(f"{name}{k}" for k in reversed(range(n))) for name, n in (("A", 18), ("B", 18), ("P", 36))},
+}

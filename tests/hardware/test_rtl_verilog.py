@@ -25,26 +25,36 @@ def design(name):
     return designs([name])[0]
 
 
-def test_area(tmp_path):
+WAYS = {"as written": circuits.as_written, "with hard multipliers": circuits.with_hard_multipliers, "mapped to an ECP5": circuits.mapped}
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_area(tmp_path, way):
+    """Signed products of four parts; with all bits of coordinates in use."""
     corners = circuits.triangles(np.random.default_rng(1), 400)
-    found = circuits.in_icarus(design("area"), circuits.columns(corners), 400, tmp_path)
+    corners[::3] = np.random.default_rng(7).integers(-(1 << 20), 1 << 20, corners[::3].shape)
+    found = circuits.in_icarus(design("area"), circuits.columns(corners), 400, tmp_path, files=WAYS[way])
     edges = scan.edges(corners)
     assert np.array_equal(found["float32"], FLOAT32.from_integer(np.where(edges.flipped, -edges.area, edges.area)))
 
 
-def test_reciprocal(tmp_path):
+@pytest.mark.parametrize("way", list(WAYS)[:2])
+def test_reciprocal(tmp_path, way):
+    """Unsigned products of up to 17 bits."""
     areas = np.random.default_rng(2).integers(1, 1 << 42, 600) >> np.arange(600) % 42
     areas = areas.clip(1)
-    found = circuits.in_icarus(design("reciprocal"), {"area": areas}, 600, tmp_path)
+    found = circuits.in_icarus(design("reciprocal"), {"area": areas}, 600, tmp_path, files=WAYS[way])
     assert np.array_equal(found["inverse"], interpolator.inverse_area(areas))
 
 
-def test_barycentrics(tmp_path):
+@pytest.mark.parametrize("way", list(WAYS)[:2])
+def test_barycentrics(tmp_path, way):
+    """Unsigned products of 18 bits."""
     rng = np.random.default_rng(3)
     area = rng.integers(1 << 20, 1 << 42, 400)
     l_ca, l_ab = (rng.random(400) * area / 2).astype(np.int64), (rng.random(400) * area / 2).astype(np.int64)
     inverse = interpolator.inverse_area(area)
-    found = circuits.in_icarus(design("barycentrics"), {"l_ca": l_ca, "l_ab": l_ab, "inverse": inverse}, 400, tmp_path)
+    found = circuits.in_icarus(design("barycentrics"), {"l_ca": l_ca, "l_ab": l_ab, "inverse": inverse}, 400, tmp_path, files=WAYS[way])
     for name, words in zip(("alpha", "beta", "gamma"), interpolator.barycentrics(inverse, l_ca, l_ab)):
         assert np.array_equal(found[name], words)
 

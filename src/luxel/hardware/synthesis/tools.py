@@ -62,3 +62,11 @@ def yosys(script: str, folder: Path) -> str:
     """Run a script of Yosys, and return what it wrote."""
     (folder / "script.ys").write_text(script)
     return run("yosys", ["-q", "script.ys"], folder).stdout.decode()
+
+
+def share() -> Path:
+    """The folder of what comes with Yosys: models of cells, headers of CXXRTL."""
+    found = find_spec(_PACKAGES["yosys"][0])
+    if found is not None and found.origin is not None:
+        return Path(found.origin).parent / "share"
+    return Path(shutil.which("yosys") or "/usr/bin/yosys").parent.parent / "share" / "yosys"
