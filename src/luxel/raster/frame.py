@@ -264,12 +264,16 @@ class Band:
             self._shade(first, last, peeled, target, occupied, blend=True)
 
     def _resolve(self, first_row: int, last_row: int, top: int, bottom: int, samples: Array) -> None:
+        """Write the pixels of tile rows first_row .. last_row - 1; `samples` are those of the rows top .. bottom - 1."""
+        left, first, right, last = self.keep
+        tile = self.options.tile
+        self._resolve_part(max(first_row * tile, first), min(last_row * tile, last), left, right, top, bottom, samples)
+
+    def _resolve_part(self, first: int, last: int, left: int, right: int, top: int, bottom: int, samples: Array) -> None:
         o, w, tile = self.options, self.window, self.options.tile
         taps, weights = filter_taps(o.filter, o.positions)
-        left, first, right, last = self.keep
-        resolve(max(first_row * tile, first), min(last_row * tile, last), left, right, w.width, w.height, top * tile,
-                (bottom - top) * tile, self.across, tile, len(o.positions), samples, taps, weights, *self.place, 2.0**o.exposure, o.fill,
-                self.target.color, self.target.linear, o.threads or 1)  # fmt: skip
+        resolve(first, last, left, right, w.width, w.height, top * tile, (bottom - top) * tile, self.across, tile, len(o.positions), samples, taps,
+                weights, *self.place, 2.0**o.exposure, o.fill, self.target.color, self.target.linear, o.threads or 1)  # fmt: skip
 
     def _outputs(self, first: int, last: int, ids: Array, depths: Array) -> None:
         camera, w = self.seen.camera, self.window

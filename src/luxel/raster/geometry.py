@@ -10,6 +10,7 @@ from luxel.arrays import Array
 from luxel.raster.bin import BLEND, MASK, OPAQUE, Parts
 from luxel.scene.mesh import Mesh
 from luxel.scene.scene import Instance, Scene
+from luxel.scene.transforms import mapped
 
 
 class Geometry(NamedTuple):
@@ -85,15 +86,15 @@ def _gather(instances: list[Instance], meshes: list[Mesh], mirrored: list[bool])
         matrix = _matrix(instance)
         here, faces = slice(vertex, vertex + len(mesh.positions)), slice(triangle, triangle + len(mesh.triangles))
         with np.errstate(all="ignore"):  # a vertex that is not finite is dropped later, with its triangles
-            positions[here] = mesh.positions @ matrix[:3, :3].T + matrix[:3, 3]
+            positions[here] = mapped(mesh.positions, matrix[:3, :3].T) + matrix[:3, 3]
         triangles[faces] = (mesh.triangles[:, ::-1] if mirror else mesh.triangles) + vertex  # keeps the front in front
         for name, array in attributes.items():
             if present[name]:
                 array[here] = _attribute(mesh, name)
         cofactor = _cofactor(matrix[:3, :3])
-        attributes["normals"][here] = attributes["normals"][here] @ cofactor.T
+        attributes["normals"][here] = mapped(attributes["normals"][here], cofactor.T)
         if present["tangents"]:
-            attributes["tangents"][here, :3] = attributes["tangents"][here, :3] @ matrix[:3, :3].T
+            attributes["tangents"][here, :3] = mapped(attributes["tangents"][here, :3], matrix[:3, :3].T)
             attributes["tangents"][here, 3] *= -1 if mirror else 1
         vertex, triangle = here.stop, faces.stop
     return [positions, triangles, *attributes.values()]

@@ -11,7 +11,7 @@ from luxel.errors import InputError
 from luxel.scene.camera import Camera
 from luxel.scene.checks import number, numbers
 from luxel.scene.scene import Scene
-from luxel.scene.transforms import rotation, translation
+from luxel.scene.transforms import mapped, rotation, translation
 
 AZIMUTH = float(np.radians(30.0))
 ELEVATION = float(np.radians(20.0))
@@ -151,7 +151,7 @@ def _points(scene: Scene, axes: Array) -> Iterator[Array]:
         linear = instance.world_from_mesh[:3, :3].T @ axes
         offset = instance.world_from_mesh[:3, 3] @ axes
         for start in range(0, len(mesh.positions), _CHUNK):
-            points = mesh.positions[start : start + _CHUNK] @ linear + offset
+            points = mapped(mesh.positions[start : start + _CHUNK], linear) + offset
             if not np.isfinite(points.sum()):
                 points = points[np.isfinite(points).all(1)]
             yield points

@@ -7,6 +7,8 @@ import numpy as np
 from luxel.arrays import Array, checked
 from luxel.errors import InputError
 
+_ROWS = 1 << 16  # at a time: their temporaries stay in the cache
+
 
 def translation(offset: object) -> Array:
     """(4, 4) from an offset (3,) in metres."""
@@ -48,3 +50,17 @@ def _unit(vector: Array, name: str) -> Array:
     if not (np.isfinite(length) and length > 0):
         raise InputError(f"{name}: expected a finite vector that is not zero, got {vector}")
     return vector / length
+
+
+def mapped(points: Array, linear: Array) -> Array:
+    """(n, 3) float64: points (n, 3) times `linear` (3, 3), a row at a time.
+
+    Not by a matrix product, whose last bits depend on how many rows there are and on the processor: a mesh in parts must stay where it is.
+    """
+    out = np.empty((len(points), 3))
+    with np.errstate(all="ignore"):  # what is not finite stays so
+        for start in range(0, len(points), _ROWS):
+            x, y, z = points[start : start + _ROWS].T.astype(np.float64)
+            for k in range(3):
+                out[start : start + _ROWS, k] = x * linear[0, k] + y * linear[1, k] + z * linear[2, k]
+    return out

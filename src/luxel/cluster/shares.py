@@ -1,0 +1,62 @@
+"""Shares: which triangles each rank has, and how it comes to have no others.
+
+A scene's triangles stand in one order, that of its instances and of the triangles in their meshes; rank r has a run of them, the r-th of as many. So
+what a rank calls triangle t is triangle t + offset of the scene.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from luxel.arrays import Array
+from luxel.cluster.comm import Comm
+from luxel.raster.geometry import made_normals
+from luxel.scene.mesh import Mesh
+from luxel.scene.scene import Scene
+
+_FILLS = {"texcoords": (2, 0.0), "texcoords1": (2, 0.0), "colors": (4, 1.0), "tangents": (4, 0.0)}
+
+
+def sliced(scene: Scene, first: int, last: int) -> Scene:
+    """`scene` with its triangles first .. last - 1 alone, and the vertices that they have; materials, lights and the like stay."""
+    out = replace(scene, meshes=[], instances=[])
+    start = 0
+    for instance in scene.instances:
+        mesh = scene.meshes[instance.mesh]
+        begin, end = max(first - start, 0), min(last - start, len(mesh.triangles))
+        start += len(mesh.triangles)
+        if begin < end:
+            out.meshes.append(mesh if end - begin == len(mesh.triangles) else part_of(mesh, begin, end))
+            out.instances.append(replace(instance, mesh=len(out.meshes) - 1))
+    return out
+
+
+def part_of(mesh: Mesh, first: int, last: int) -> Mesh:
+    """Triangles first .. last - 1 of a mesh, with normals as they are in the whole."""
+    if mesh.normals is None:
+        mesh = replace(mesh, normals=made_normals(mesh))
+    used, triangles = np.unique(mesh.triangles[first:last], return_inverse=True)
+    arrays: dict[str, Any] = {
+        name: value[used] for name in ("positions", "normals", *_FILLS) if (value := getattr(mesh, name)) is not None
+    }
+    return replace(mesh, triangles=triangles.reshape(-1, 3).astype(np.int32), **arrays)
+
+
+def offsets(scene: Scene, comm: Comm) -> Array:
+    """(ranks + 1,) int64: where the triangles of each rank begin among all."""
+    return np.cumsum([0, *comm.gather(scene.triangle_count)]).astype(np.int64)
+
+
+def with_all_attributes(scene: Scene, comm: Comm) -> None:
+    """Give this rank's first mesh the attributes that any mesh of the scene has, with the values that stand for none: kernels ask for what a scene
+    has, not for what a rank has of it."""
+    present = set().union(*comm.gather({name for mesh in scene.meshes for name in _FILLS if getattr(mesh, name) is not None}))
+    if scene.instances:
+        at = scene.instances[0].mesh
+        mesh = scene.meshes[at]
+        missing: dict[str, Any] = {name: np.full((len(mesh.positions), _FILLS[name][0]), _FILLS[name][1], np.float32)
+                                   for name in present if getattr(mesh, name) is None}  # fmt: skip
+        scene.meshes[at] = replace(mesh, **missing)
