@@ -34,7 +34,7 @@ from luxel.errors import InputError
 
 __all__ = [
     "DISABLED", "array_data", "available_threads", "borrow", "cache_folder", "cgutils", "checked_threads", "compiled", "count_bits", "device",
-    "digest", "inlined", "intrinsic", "ir", "kernel", "lowest_bit", "on_compile", "parallel_kernel", "part", "prefetch", "run", "take", "types",
+    "digest", "floor", "inlined", "intrinsic", "ir", "kernel", "lowest_bit", "on_compile", "parallel_kernel", "part", "prefetch", "run", "take", "types",
 ]  # fmt: skip
 
 def _skip_blas_probe() -> None:
@@ -171,6 +171,9 @@ def parallel_kernel(function: Callable[..., Any]) -> Any:
     """
     return _compiled(function)
 
+
+floor = np.floor
+"""Of a float64, a float64; a GPU has another."""
 
 DISABLED = bool(numba.config.DISABLE_JIT)
 """NUMBA_DISABLE_JIT is set: kernels run as plain Python, for debuggers and coverage."""

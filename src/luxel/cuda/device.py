@@ -63,9 +63,7 @@ class Gpu:
         """A named tuple with all its arrays copied to the device, deep down."""
         if isinstance(arrays, np.ndarray):
             return self.array(arrays)
-        if isinstance(arrays, tuple):
-            return type(arrays)(*(self.copied(item) for item in arrays)) if hasattr(arrays, "_fields") else tuple(self.copied(item) for item in arrays)
-        return arrays
+        return type(arrays)(*map(self.copied, arrays)) if isinstance(arrays, tuple) else arrays
 
     def empty(self, shape: tuple[int, ...], dtype: Any) -> Any:
         """An array whose values are undefined."""

@@ -23,6 +23,9 @@ if SIMULATED:
     def _count_bits(bits):
         return int(bits).bit_count()
 
+    def _floor(value):
+        return np.floor(value)
+
 else:
 
     def _float_bits(value):
@@ -36,6 +39,9 @@ else:
 
     def _count_bits(bits):
         return np.int64(cuda.popc(bits))
+
+    def _floor(value):
+        return libdevice.floor(value)
 
 
 def _prefetch(array, index):
@@ -67,6 +73,7 @@ def _nothing(kernel):
 _JIT = SimpleNamespace(
     DISABLED=True, device=function, part=function, inlined=function, kernel=_nothing, parallel_kernel=_nothing, float_bits=function(_float_bits),
     bits_float=function(_bits_float), lowest_bit=function(_lowest_bit), count_bits=function(_count_bits), prefetch=function(_prefetch),
+    floor=function(_floor),
 )  # fmt: skip
 _MACHINE = SimpleNamespace(keep_least=keep_least, keep_most=keep_most, add=add)
 

@@ -111,6 +111,8 @@ def _pack(material: Material, model: str, colored: bool) -> tuple[Array, Array, 
     code = _code(material, model)
     if code & MODEL_MASK == MODEL_UNLIT:
         refs[1:] = [None] * (len(SLOTS) - 1)
+    if model == "flat":
+        refs[NORMAL_SLOT] = None  # the triangle's own normal, and no tangents to bend it by
     floats = np.zeros(FLOATS, np.float32)
     floats[RED : ALPHA + 1] = 1.0 if model == "gouraud" else material.base_color
     floats[EMIT : EMIT + 3] = material.emissive

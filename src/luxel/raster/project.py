@@ -17,6 +17,7 @@ import numpy as np
 
 from luxel import jit
 from luxel.arrays import Array
+from luxel.jit import floor
 from luxel.memory import reusable
 from luxel.raster.constants import (
     GUARD_HIGH,
@@ -96,8 +97,8 @@ def place(m, x, y, z, half_w, half_h, left, top):
     clip_from_world, `half_w` and `half_h` are half the picture's size in fixed point."""
     iw = 1.0 / (m[12] * x + m[13] * y + m[14] * z + m[15])
     return (
-        np.floor((m[0] * x + m[1] * y + m[2] * z + m[3]) * iw * half_w + half_w + 0.5) - left,
-        np.floor(half_h - (m[4] * x + m[5] * y + m[6] * z + m[7]) * iw * half_h + 0.5) - top,
+        floor((m[0] * x + m[1] * y + m[2] * z + m[3]) * iw * half_w + half_w + 0.5) - left,
+        floor(half_h - (m[4] * x + m[5] * y + m[6] * z + m[7]) * iw * half_h + 0.5) - top,
         (m[8] * x + m[9] * y + m[10] * z + m[11]) * iw,
         iw,
     )
