@@ -1,4 +1,4 @@
-"""Vectors for circuits, and Verilog in Icarus."""
+"""Vectors for circuits, and Verilog in Icarus or Verilator."""
 
 import subprocess
 from dataclasses import replace
@@ -59,7 +59,7 @@ def columns(corners, words=None):
 def as_written(design, folder):
     """The Verilog that is for simulators and all tools; the files."""
     write(design, folder)
-    return ["-c", f"{design.top}.f"]
+    return ["-f", f"{design.top}.f"]
 
 
 def with_hard_multipliers(design, folder):
@@ -81,8 +81,8 @@ def mapped(design, folder):
     return ["dsp.v", "mapped.v"]
 
 
-def in_icarus(design, inputs, count, folder, seed=1, files=as_written, **ports):
-    """Run a design's Verilog with random stalls at both ends; the fields of what leaves."""
+def in_verilog(design, inputs, count, folder, seed=1, files=as_written, simulator="iverilog", **ports):
+    """Run a design's Verilog in Icarus or Verilator, with random stalls at both ends; the fields of what leaves."""
     layouts = []
 
     def make():
@@ -96,8 +96,13 @@ def in_icarus(design, inputs, count, folder, seed=1, files=as_written, **ports):
     wired = "".join(f", .{name}({value})" for name, value in ports.items())
     bench = _BENCH.format(top=design.top, n=len(total), count=count, iw=layouts[0].size, ow=layouts[1].size, ports=wired, seed=seed)
     (folder / "bench.v").write_text(bench)
-    tools.run("iverilog", ["-g2005", "-o", "bench.vvp", "-s", "bench", *sources, "bench.v"], folder)
-    subprocess.run(["vvp", "-n", "bench.vvp"], cwd=folder, check=True, capture_output=True, timeout=120)
+    if simulator == "verilator":
+        tools.run("verilator", ["--binary", "-Wno-fatal", "-Wno-lint", "-CFLAGS", "-O0", "--top-module", "bench", *sources, "bench.v"], folder)
+        command = ["obj_dir/Vbench"]
+    else:
+        tools.run("iverilog", ["-g2005", "-o", "bench.vvp", "-s", "bench", *sources, "bench.v"], folder)
+        command = ["vvp", "-n", "bench.vvp"]
+    subprocess.run(command, cwd=folder, check=True, capture_output=True, timeout=120)
     words = [int(line, 16) for line in (folder / "out.hex").read_text().split()]
     fields = {}
     for key, f in layouts[1]:

@@ -1,4 +1,4 @@
-"""The Verilog that is written, in Icarus, with random stalls: the model's bits for every module and the whole."""
+"""The Verilog that is written, in Icarus and Verilator, with random stalls: the model's bits for every module and the whole."""
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ def test_area(tmp_path, way):
     """Signed products of four parts; with all bits of coordinates in use."""
     corners = circuits.triangles(np.random.default_rng(1), 400)
     corners[::3] = np.random.default_rng(7).integers(-(1 << 20), 1 << 20, corners[::3].shape)
-    found = circuits.in_icarus(design("area"), circuits.columns(corners), 400, tmp_path, files=WAYS[way])
+    found = circuits.in_verilog(design("area"), circuits.columns(corners), 400, tmp_path, files=WAYS[way])
     edges = scan.edges(corners)
     assert np.array_equal(found["float32"], FLOAT32.from_integer(np.where(edges.flipped, -edges.area, edges.area)))
 
@@ -43,7 +43,7 @@ def test_reciprocal(tmp_path, way):
     """Unsigned products of up to 17 bits."""
     areas = np.random.default_rng(2).integers(1, 1 << 42, 600) >> np.arange(600) % 42
     areas = areas.clip(1)
-    found = circuits.in_icarus(design("reciprocal"), {"area": areas}, 600, tmp_path, files=WAYS[way])
+    found = circuits.in_verilog(design("reciprocal"), {"area": areas}, 600, tmp_path, files=WAYS[way])
     assert np.array_equal(found["inverse"], interpolator.inverse_area(areas))
 
 
@@ -54,7 +54,7 @@ def test_barycentrics(tmp_path, way):
     area = rng.integers(1 << 20, 1 << 42, 400)
     l_ca, l_ab = (rng.random(400) * area / 2).astype(np.int64), (rng.random(400) * area / 2).astype(np.int64)
     inverse = interpolator.inverse_area(area)
-    found = circuits.in_icarus(design("barycentrics"), {"l_ca": l_ca, "l_ab": l_ab, "inverse": inverse}, 400, tmp_path, files=WAYS[way])
+    found = circuits.in_verilog(design("barycentrics"), {"l_ca": l_ca, "l_ab": l_ab, "inverse": inverse}, 400, tmp_path, files=WAYS[way])
     for name, words in zip(("alpha", "beta", "gamma"), interpolator.barycentrics(inverse, l_ca, l_ab)):
         assert np.array_equal(found[name], words)
 
@@ -62,16 +62,30 @@ def test_barycentrics(tmp_path, way):
 def test_color(tmp_path):
     rng = np.random.default_rng(4)
     words = [circuits.random_words(rng, FLOAT24, 300) for _ in range(12)]
-    found = circuits.in_icarus(design("color"), dict(zip(("alpha", "beta", "gamma", *COLORS), words)), 300, tmp_path)
+    found = circuits.in_verilog(design("color"), dict(zip(("alpha", "beta", "gamma", *COLORS), words)), 300, tmp_path)
     expected = interpolator.interpolate(*words[:3], np.array(words[3:]).T.reshape(-1, 3, 3))
     assert np.array_equal(np.stack([found[channel] for channel in "rgb"], 1), expected)
+
+
+@pytest.mark.skipif(not tools.available("verilator"), reason="Verilator is not installed (apt install verilator)")
+def test_barycentrics_in_verilator(tmp_path):
+    """Another reading of the same Verilog."""
+    rng = np.random.default_rng(8)
+    area = rng.integers(1, 1 << 42, 3000) >> rng.integers(0, 42, 3000)
+    area = area.clip(2)
+    l_ca, l_ab = (rng.random(3000) * area / 2).astype(np.int64), (rng.random(3000) * area / 2).astype(np.int64)
+    inverse = interpolator.inverse_area(area)
+    fields = {"l_ca": l_ca, "l_ab": l_ab, "inverse": inverse}
+    found = circuits.in_verilog(design("barycentrics"), fields, 3000, tmp_path, simulator="verilator")
+    for name, words in zip(("alpha", "beta", "gamma"), interpolator.barycentrics(inverse, l_ca, l_ab)):
+        assert np.array_equal(found[name], words)
 
 
 def test_scan_conversion(tmp_path):
     corners = circuits.triangles(np.random.default_rng(5), 30)
     found = [scan.scan(each, 60, 45) for each in corners]
     count = sum(max(1, len(each.x)) for each in found)  # one without fragments says so
-    left = circuits.in_icarus(design("scan"), circuits.columns(corners), count, tmp_path, right=59, bottom=44)
+    left = circuits.in_verilog(design("scan"), circuits.columns(corners), count, tmp_path, right=59, bottom=44)
     drawn = left["drawn"] == 1
     assert np.array_equal(left["x"][drawn], np.concatenate([each.x for each in found]))
     assert np.array_equal(left["y"][drawn], np.concatenate([each.y for each in found]))
@@ -85,7 +99,7 @@ def test_whole(tmp_path):
     shaded = [interpolator.draw(*each, 60, 45) for each in zip(corners, words)]
     count = sum(len(each.x) for each in shaded)
     assert count > 300
-    found = circuits.in_icarus(design("whole"), circuits.columns(corners, words), count, tmp_path, right=59, bottom=44)
+    found = circuits.in_verilog(design("whole"), circuits.columns(corners, words), count, tmp_path, right=59, bottom=44)
     assert np.array_equal(found["x"], np.concatenate([each.x for each in shaded]))
     assert np.array_equal(found["y"], np.concatenate([each.y for each in shaded]))
     assert np.array_equal(np.stack([found[channel] for channel in "rgb"], 1), np.concatenate([each.colors for each in shaded]))

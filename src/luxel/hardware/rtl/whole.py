@@ -1,7 +1,8 @@
 """The whole interpolator: a stream of triangles in, a stream of coloured fragments out.
 
-A triangle's corners go to set-up and scan conversion, its colours wait in a FIFO for its first fragment, and so does the reciprocal of its area,
-which is made meanwhile in a pipeline that never stops: there is a place for each. The last fragment of a triangle takes them away.
+A triangle's corners go to set-up and scan conversion, its colours wait (in two FIFOs, one after the other) for its first fragment, and so does the
+reciprocal of its area, which is made meanwhile in a pipeline that never stops: there is a place for each. The last fragment of a triangle takes
+them away.
 """
 
 from __future__ import annotations
@@ -91,7 +92,7 @@ class Interpolator(wiring.Component):
     Args:
         coordinate_bits: Of a corner's coordinate; 8 are fraction.
         precision: As the model's.
-        triangles: How many may be under way.
+        triangles: How many may be under way: as it takes some ninety clocks from one end to the other, one can be taken every three.
 
     Attributes:
         i: x0 .. y2, signed, in 1/256 pixel; r_a .. b_c, float24.
@@ -99,7 +100,7 @@ class Interpolator(wiring.Component):
         right, bottom: Last column and row of the picture, which are not to change while triangles are under way.
     """
 
-    def __init__(self, coordinate_bits: int = COORDINATE_BITS, precision: Precision = LUXEL, triangles: int = 16) -> None:
+    def __init__(self, coordinate_bits: int = COORDINATE_BITS, precision: Precision = LUXEL, triangles: int = 32) -> None:
         self.sizes, self.precision, self.triangles = Sizes(coordinate_bits), precision, triangles
         self.set_up = TriangleSetUp(self.sizes)
         word = FLOAT24.bits
@@ -119,9 +120,11 @@ class Interpolator(wiring.Component):
         """Amaranth's."""
         m = Module()
         m.submodules.set_up = self.set_up
-        m.submodules.colors = colors = Fifo(self.colors, self.triangles)
+        m.submodules.waiting = waiting = Fifo(self.colors, self.triangles // 2)
+        m.submodules.colors = colors = Fifo(self.colors, self.triangles // 2)
+        m.d.comb += [waiting.o.ready.eq(colors.room), colors.push.eq(waiting.o.valid & colors.room), colors.data.eq(waiting.o.payload)]
         m.submodules.inverses = inverses = Fifo(self.precision.reciprocal_format.bits, self.triangles)
-        self._take(m, colors)
+        self._take(m, waiting)
         self._invert(m, inverses)
         self._shade(m, connected(m, self.sizes, self.set_up.o), colors, inverses)
         return m
