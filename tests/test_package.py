@@ -64,9 +64,9 @@ def test_python_m_luxel():
     assert done.stdout == f"luxel {luxel.__version__}\n"
 
 
-def test_numba_has_one_door():
-    doors = [p.name for p in (ROOT / "src").rglob("*.py") if re.search(r"^\s*(import|from) numba\b", p.read_text(), re.MULTILINE)]
-    assert doors == ["jit.py"]
+def test_numba_and_its_cuda_have_one_door_each():
+    doors = {p.name for p in (ROOT / "src").rglob("*.py") if re.search(r"^\s*(import|from) numba\b", p.read_text(), re.MULTILINE)}
+    assert doors == {"jit.py", "door.py"}
 
 
 @pytest.mark.parametrize("page", PAGES)

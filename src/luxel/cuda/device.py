@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from luxel.arrays import Array
+from luxel.cuda.shared import CPU, CUDA, DeviceArray
 from luxel.errors import DeviceError, ExtraMissingError, InputError, LuxelWarning
 
 DEVICES = ("cpu", "cuda", "auto")
@@ -35,6 +36,7 @@ class Gpu:
             device = door.initialise()
         except Exception as error:  # Numba's own kinds of errors, and those of the driver's bindings
             raise DeviceError(f"device cuda: expected an NVIDIA GPU and its driver; {_reason(error)}") from error
+        self._number = 0 if self._simulated else int(device.id)
         self.name = "simulator" if self._simulated else _text(device.name)
         self.capability = (9, 0) if self._simulated else tuple(device.compute_capability)
         if self.capability < LEAST_CAPABILITY:
@@ -83,6 +85,12 @@ class Gpu:
         """A copy in the processor's memory."""
         return np.array(array) if self._simulated else array.copy_to_host()
 
+    def shared(self, array: Any) -> DeviceArray:
+        """The array, for other libraries to use where it is."""
+        if self._simulated:
+            return DeviceArray(array.ctypes.data, array.shape, array.dtype, array, (CPU, 0))
+        return DeviceArray(array.device_ctypes_pointer.value, array.shape, array.dtype, array, (CUDA, self._number))
+
     def view(self, array: Any, dtype: Any) -> Any:
         """The same memory as another type of the same size."""
         return array.view(dtype)
@@ -91,7 +99,11 @@ class Gpu:
         """Start a grid of at least shape[0] threads for each of shape[1] views; it gets the shape before its arguments."""
         if 0 in shape:
             return
-        block = 4 if self._simulated else _BLOCK  # the simulator starts a thread of the system for each
+        block = _BLOCK
+        if self._simulated:  # it starts a thread of the system for each, and would copy arrays there and back, also those that share their memory
+            from luxel.cuda.door import lent
+
+            block, arguments = 4, tuple(lent(item) if isinstance(item, np.ndarray) else item for item in arguments)
         kernel[(-(-shape[0] // block), shape[1]), (block, 1)](*shape, *arguments)
 
     def wait(self) -> None:

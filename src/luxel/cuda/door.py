@@ -23,7 +23,7 @@ if importlib.util.find_spec("numba_cuda") is None:
 
 from numba import cuda
 
-__all__ = ["SIMULATED", "cuda", "function", "initialise", "kernel", "libdevice", "ptx"]
+__all__ = ["SIMULATED", "cuda", "function", "initialise", "kernel", "lent", "libdevice", "ptx"]
 
 SIMULATED = os.environ.get("NUMBA_ENABLE_CUDASIM", "0") not in ("", "0")
 libdevice: Any = None if SIMULATED else importlib.import_module("numba.cuda.libdevice")
@@ -70,6 +70,13 @@ def kernel(python: Callable[..., Any]) -> Any:
 
     made.compile = compile
     return made
+
+
+def lent(array: Any) -> Any:
+    """An array as the simulator has it, in the same memory."""
+    from numba.cuda.simulator.cudadrv.devicearray import FakeCUDAArray
+
+    return FakeCUDAArray(array)
 
 
 def ptx(grid: Any, arguments: tuple[Any, ...], capability: tuple[int, int]) -> str:

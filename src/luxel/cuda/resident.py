@@ -28,6 +28,7 @@ class Resident:
     Attributes:
         gpu: Where it is: a `luxel.cuda.device.Gpu`.
         prepared: What it was made of.
+        fallback: Whether the processor draws what does not fit.
         geometry, materials, vertex_materials: As in `prepared`, arrays on the device.
         vertex_material: (n,) int32, the material of each vertex; chosen: (materials,) bool: lit at vertices. Both empty without Gouraud shading.
         split, side: See `SPLIT` and `SIDE`; they change speed and nothing else.
@@ -35,12 +36,12 @@ class Resident:
         lock: Held while a picture is drawn: threads of the processor draw one after the other.
     """
 
-    def __init__(self, gpu: Any, prepared: Prepared) -> None:
+    def __init__(self, gpu: Any, prepared: Prepared, fallback: bool = False) -> None:
         if prepared.hardware is not None:
             raise InputError("device cuda: shading hardware is a model that runs on the processor; expected another shading")
         size = sum(array.nbytes for part in prepared[1:4] if part is not None for array in part if isinstance(array, np.ndarray))
         gpu.expect(size, "the scene")
-        self.gpu, self.prepared = gpu, prepared
+        self.gpu, self.prepared, self.fallback = gpu, prepared, fallback
         self.geometry, self.materials = gpu.copied(prepared.geometry), gpu.copied(prepared.materials)
         self.vertex_materials: Any = None
         if prepared.vertex_materials is not None:

@@ -20,6 +20,8 @@ _NOTEBOOK_PIXELS = 2_000_000  # a larger picture is shown halved as often as it 
 class Picture:
     """The outputs of one view, (h, w, ...) arrays with row 0 at the top; None for what was not asked for.
 
+    Arrays are NumPy's, or `luxel.cuda.shared.DeviceArray` where they were left on a GPU; saving fetches those.
+
     Attributes:
         color: (h, w, 4) uint8, sRGB-encoded, with straight coverage alpha.
         linear: (h, w, 4) float32, linear light, premultiplied by alpha.
@@ -98,9 +100,9 @@ class Picture:
             if name in ("color", "linear"):
                 layers[""] = self._linear()
             elif name in _IDS:
-                layers[f"{name}.id"] = array.view(np.uint32)
+                layers[f"{name}.id"] = np.asarray(array).view(np.uint32)
             else:
-                layers[name] = array
+                layers[name] = np.asarray(array)
         if not layers:
             raise InputError("this picture has no outputs to save")
         write_exr(path, layers)
@@ -114,17 +116,17 @@ class Picture:
     def _encoded(self) -> Array:
         """(h, w, 4) uint8 sRGB with straight alpha."""
         if self.color is not None:
-            return self.color
+            return np.asarray(self.color)
         if self.linear is None:
             raise InputError(f"this picture has no colour; it has {', '.join(self.outputs()) or 'no outputs'}")
-        return encode(self.linear)
+        return encode(np.asarray(self.linear))
 
     def _linear(self) -> Array:
         """(h, w, 4) float32, linear and premultiplied."""
         from luxel.scene.colour import linear_from_srgb
 
         if self.linear is not None:
-            return self.linear
+            return np.asarray(self.linear)
         color = self._encoded()
         alpha = color[..., 3:].astype(np.float32) / np.float32(255)
         return np.concatenate([linear_from_srgb(color[..., :3]) * alpha, alpha], -1)

@@ -6,6 +6,8 @@ import operator
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, fields, replace
+from functools import partial
+from itertools import islice
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,6 +31,7 @@ from luxel.scene.scene import Scene
 OUTPUTS = ("color", "linear", *SHAPES)
 LOWPASS = "lowpass"
 _BAND_BYTES = 96 << 20
+_VIEWS_AT_ONCE = 1024
 _LOWPASS_MOST = 1 << 27  # samples; 2 GB of linear light, and some more to filter it
 
 
@@ -105,21 +108,26 @@ def _background(value: Any) -> Array:
 
 
 class Prepared(NamedTuple):
-    """What of a scene does not depend on the camera: pass it in place of the scene to draw it again without preparing it again."""
+    """What of a scene does not depend on the camera: pass it in place of the scene to draw it again without preparing it again.
+
+    `resident` is the scene on the GPU, if it was prepared for one (`luxel.cuda.resident.Resident`).
+    """
 
     scene: Scene
     geometry: Geometry
     materials: MaterialTable
     vertex_materials: MaterialTable | None
     hardware: Interpolate | None = None
+    resident: Any = None
 
 
-def prepare(scene: Any, shading: str | None = None, cull: str = "material") -> Prepared:
+def prepare(scene: Any, shading: str | None = None, cull: str = "material", device: str = "cpu") -> Prepared:
     """Lay a scene out for drawing; it must not be changed while the result is in use.
 
     Args:
         scene: A Scene, or anything `luxel.load` takes.
         shading, cull: As in `render`.
+        device: Where it is to be drawn: "cpu", "cuda" (it stays in the GPU's memory), or "auto".
     """
     if not isinstance(scene, Scene):
         from luxel.io import load
@@ -131,21 +139,43 @@ def prepare(scene: Any, shading: str | None = None, cull: str = "material") -> P
     if hardware is not None:
         modelled.check(scene)
     vertex_materials = pack_materials(scene, shading, vertices=True) if materials.features & GOURAUD else None
-    return Prepared(scene, flatten(scene, cull), materials, vertex_materials, hardware)
+    prepared = Prepared(scene, flatten(scene, cull), materials, vertex_materials, hardware)
+    return _on(device, prepared)
 
 
-def _prepared(scene: Any, shading: str | None, cull: str) -> Prepared:
+def _on(device: str | None, prepared: Prepared) -> Prepared:
+    """The scene on a device; None leaves it where it is."""
+    if device is None or (device == "cpu" and prepared.resident is None):
+        return prepared
+    from luxel.cuda.render import lay_out
+
+    return lay_out(prepared, device)
+
+
+def _prepared(scene: Any, shading: str | None, cull: str, device: str | None = None) -> Prepared:
     if not isinstance(scene, Prepared):
-        return prepare(scene, shading, cull)
+        return prepare(scene, shading, cull, device or "cpu")
     if shading is not None or cull != "material":
         raise InputError("shading and cull: a prepared scene has its own; give them to prepare")
-    return scene
+    return _on(device, scene)
+
+
+def _drawer(prepared: Prepared, on_device: bool) -> Callable[..., Picture]:
+    """What draws it where it is."""
+    if prepared.resident is None:
+        if on_device:
+            raise InputError("on_device: the scene is drawn on the processor; expected device cuda")
+        return frame.draw
+    from luxel.cuda.render import draw
+
+    return partial(draw, keep=on_device)
 
 
 def render(scene: Any, camera: Camera | None = None, size: tuple[int, int] = (1280, 720), *, samples: int = 1, pattern: str = "standard",
            ssaa: int = 1, filter: str = "box", shading: str | None = None, cull: str = "material", background: Any = None,
            outputs: Iterable[str] = ("color",), previous_camera: Camera | None = None, exposure: float = 0.0, threads: int | None = None,
-           tile: int = 64, progress: Callable[[float], None] | None = None) -> Picture:  # fmt: skip
+           tile: int = 64, device: str | None = None, on_device: bool = False,
+           progress: Callable[[float], None] | None = None) -> Picture:  # fmt: skip
     """Draw a scene.
 
     Args:
@@ -167,6 +197,9 @@ def render(scene: Any, camera: Camera | None = None, size: tuple[int, int] = (12
         exposure: Stops; light is multiplied by 2 to this power.
         threads: None: all cores this process may use.
         tile: Side of a tile in pixels; changes speed, and colours by rounding, but not ids or depth.
+        device: "cpu"; "cuda": an NVIDIA GPU, with the same ids and depth to the last bit; "auto": a GPU if one can be used, else the processor, with
+            a warning that says why. None: where a prepared scene was prepared, else the processor.
+        on_device: Leave the picture's arrays on the GPU, for other libraries to take without a copy (`luxel.cuda.shared.DeviceArray`).
         progress: Called with the fraction that is done.
 
     Returns:
@@ -175,11 +208,14 @@ def render(scene: Any, camera: Camera | None = None, size: tuple[int, int] = (12
     Raises:
         InputError: A value that cannot be drawn with.
         FileError: The file to load is missing or broken.
+        DeviceError, ExtraMissingError: Device "cuda", and no GPU can be used.
     """
     options = Options(samples, pattern, ssaa, filter, background, outputs, exposure, threads, tile)  # type: ignore[arg-type]
     started = time.perf_counter()
-    prepared = _prepared(scene, shading, cull)
-    picture = render_prepared(prepared, camera, checked_size(size), options, previous_camera, progress)
+    prepared = _prepared(scene, shading, cull, device)
+    if on_device and options.filter == LOWPASS:
+        raise InputError(f"on_device: filter {LOWPASS} works on the processor; expected another filter")
+    picture = render_prepared(prepared, camera, checked_size(size), options, previous_camera, progress, _drawer(prepared, on_device))
     picture.seconds = {"prepare": time.perf_counter() - started - sum(picture.seconds.values()), **picture.seconds}
     return picture
 
@@ -193,15 +229,24 @@ def render_prepared(prepared: Prepared, camera: Camera | None, size: tuple[int, 
 
 
 def render_views(scene: Any, cameras: Iterable[Camera], size: tuple[int, int] = (1280, 720), *, shading: str | None = None,
-                 cull: str = "material", **options: Any) -> Iterator[Picture]:  # fmt: skip
+                 cull: str = "material", device: str | None = None, **options: Any) -> Iterator[Picture]:  # fmt: skip
     """Draw a scene from many cameras: what does not depend on the camera is prepared once. Arguments as in `render`.
+
+    On a GPU they are drawn together, as many as fit into its memory, up to 1024 at a time.
 
     Yields:
         A Picture for each camera, in order.
     """
-    prepared = _prepared(scene, shading, cull)
-    for camera in cameras:
-        yield render(prepared, camera, size, **options)
+    prepared, together = _prepared(scene, shading, cull, device), set(options) <= {item.name for item in fields(Options)} | {"on_device"}
+    if prepared.resident is None or not together or options.get("filter") == LOWPASS:
+        for camera in cameras:
+            yield render(prepared, camera, size, **options)
+        return
+    from luxel.cuda.render import draw_many
+
+    keep, chosen, left = options.pop("on_device", False), Options(**options), iter(cameras)
+    while batch := list(islice(left, _VIEWS_AT_ONCE)):
+        yield from draw_many(prepared, batch, checked_size(size), chosen, [None] * len(batch), keep)
 
 
 def render_to_png(path: Any, scene: Any, camera: Camera | None = None, size: tuple[int, int] = (1280, 720), *, shading: str | None = None,
