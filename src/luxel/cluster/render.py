@@ -21,30 +21,24 @@ from luxel.arrays import Array
 from luxel.cluster.comm import Comm
 from luxel.cluster.composite import COMPOSITIONS
 from luxel.cluster.plan import BALANCES, Plan
-from luxel.cluster.shares import offsets, sliced, with_all_attributes
+from luxel.cluster.shares import Shared, share_scene
 from luxel.cluster.sort_first import ScreenBand
-from luxel.cluster.sort_last import ObjectBand, Team
+from luxel.cluster.sort_last import ObjectBand
 from luxel.errors import InputError
-from luxel.io import load
 from luxel.raster import frame
 from luxel.raster.picture import Picture
 from luxel.raster.render import Options, Prepared, checked_size, prepare, render_prepared
 from luxel.scene.camera import Camera
-from luxel.scene.scene import Scene
+from luxel.scene.framing import camera_for
 
 DIVISIONS = ("screen", "objects", "both")
-
-
-def group_count(size: int) -> int:
-    """How many groups share the screen when both are shared: about the root of the number of ranks."""
-    return max(1, round(size**0.5))
 
 
 class Renderer:
     """Draws one scene, again and again, with all ranks; each of them has one and makes the same calls.
 
     Args:
-        scene: As of `luxel.render`; for "screen" every rank has all of it.
+        scene: What `luxel.load` takes, or what `luxel.cluster.shares.share_scene` made of it.
         comm: The ranks.
         divide: "screen": each rank draws a part of the screen; "objects": each has a part of the triangles; "both": groups of ranks share the screen,
             and the ranks of a group the triangles.
@@ -66,22 +60,8 @@ class Renderer:
                 raise InputError(f"{name}: expected one of {', '.join(known)}; got {value!r}")
         self.comm, self.divide, self.plan = comm, divide, Plan(balance)
         self.ranks: list[dict[str, float]] = []
-        self.team: Team | None = None
-        if divide != "screen":
-            scene = self._share(scene, composition)
-        self.prepared = scene if isinstance(scene, Prepared) else prepare(scene, shading, cull)
-
-    def _share(self, scene: Any, composition: str) -> Scene:
-        """This rank's part of the scene."""
-        comm = self.comm
-        groups = 1 if self.divide == "objects" else group_count(comm.size)
-        number = comm.rank * groups // comm.size
-        group = comm.part(number)
-        whole = load(scene)
-        share = sliced(whole, *group.share_out(whole.triangle_count)[group.rank])
-        with_all_attributes(share, comm)
-        self.team = Team(comm, group, number, groups, offsets(share, group), composition)
-        return share
+        self.shared = scene if isinstance(scene, Shared) else share_scene(scene, comm, divide, composition)
+        self.prepared = prepare(self.shared.scene, shading, cull)
 
     def render(self, camera: Camera | None = None, size: tuple[int, int] = (1280, 720), *, previous_camera: Camera | None = None,
                progress: Callable[[float], None] | None = None, **options: Any) -> Picture | None:  # fmt: skip
@@ -93,8 +73,9 @@ class Renderer:
         comm, started = self.comm, time.perf_counter()
         chosen = Options(**{**options, "threads": comm.threads(options.get("threads"))})
         clocked: dict[str, float] = {"sent": -comm.sent}
-        draw = partial(self._draw, clocked)
-        picture = render_prepared(self.prepared, camera, checked_size(size), chosen, previous_camera, progress, draw)
+        size = checked_size(size)
+        camera = camera or comm.share(camera_for(self.shared.outline, size) if comm.rank == 0 else None)
+        picture = render_prepared(self.prepared, camera, size, chosen, previous_camera, progress, partial(self._draw, clocked))
         clocked["sent"] += comm.sent
         self.ranks = comm.gather(clocked)
         self.plan.learn(self._busy())
@@ -104,14 +85,15 @@ class Renderer:
     def _busy(self) -> Array:
         """(groups,) float64: seconds of drawing of each group that shares the screen, that of its slowest rank."""
         busy = np.array([each.get("busy", 0.0) for each in self.ranks])
-        if self.team is None:
+        if self.shared.team is None:
             return busy
-        return np.array([part.max() for part in np.split(busy, np.flatnonzero(np.diff(np.arange(len(busy)) * self.team.groups // len(busy))) + 1)])
+        groups = self.shared.team.groups
+        return np.array([busy[np.arange(len(busy)) * groups // len(busy) == group].max() for group in range(groups)])
 
     def _draw(self, clocked: dict[str, float], prepared: Prepared, camera: Camera | None, size: tuple[int, int], options: Options,
               previous: Camera | None, progress: Callable[[float], None] | None) -> Picture:  # fmt: skip
         band: Callable[..., frame.Band] = partial(ScreenBand, self.comm, self.plan, clocked)
-        if self.team is not None:
-            band = partial(ObjectBand, self.team, self.plan, clocked)
+        if self.shared.team is not None:
+            band = partial(ObjectBand, self.shared.team, self.plan, clocked)
         picture = frame.draw(prepared, camera, size, options, previous, progress, band=band)
         return Picture(seconds=picture.seconds) if self.comm.rank else picture

@@ -6,18 +6,83 @@ what a rank calls triangle t is triangle t + offset of the scene.
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from luxel.arrays import Array
 from luxel.cluster.comm import Comm
+from luxel.cluster.ply_share import load_share
+from luxel.cluster.sort_last import Team
+from luxel.io import load
+from luxel.io.files import door, tell
 from luxel.raster.geometry import made_normals
 from luxel.scene.mesh import Mesh
 from luxel.scene.scene import Scene
 
 _FILLS = {"texcoords": (2, 0.0), "texcoords1": (2, 0.0), "colors": (4, 1.0), "tangents": (4, 0.0)}
+
+
+class Shared(NamedTuple):
+    """A scene as a rank has it.
+
+    Attributes:
+        scene: This rank's triangles, with all materials, textures, lights and cameras.
+        outline: All of it, as far as framing a camera asks; only rank 0 need have it.
+        team: Who shares what; None where every rank has everything.
+        triangles: Of the whole scene.
+    """
+
+    scene: Scene
+    outline: Scene
+    team: Team | None
+    triangles: int
+
+
+def group_count(size: int) -> int:
+    """How many groups share the screen when both are shared: about the root of the number of ranks."""
+    return max(1, round(size**0.5))
+
+
+def share_scene(source: Any, comm: Comm, divide: str = "screen", composition: str = "swap", crease_angle: float | None = None) -> Shared:
+    """Load a scene, or this rank's share of it.
+
+    Binary PLY files are read in ranges of bytes. Of what cannot be read in parts every rank reads all, one time, and keeps its
+    share; a LuxelWarning says so.
+
+    Args:
+        source: As of `luxel.load`.
+        comm: All ranks.
+        divide: "screen": every rank has everything; "objects": each has a share; "both": each has a share of its group's.
+        composition: For the `Team`.
+        crease_angle: As of `luxel.load`.
+
+    Raises:
+        FileError, InputError: As of `luxel.load`.
+    """
+    if divide == "screen":
+        scene = load(source, crease_angle=crease_angle)
+        return Shared(scene, scene, None, scene.triangle_count)
+    groups = 1 if divide == "objects" else group_count(comm.size)
+    number = comm.rank * groups // comm.size
+    group = comm.part(number)
+    path = Path(source) if isinstance(source, (str, os.PathLike)) else None
+    found = None
+    if path is not None and path.suffix.lower() == ".ply":
+        with door(path.name):
+            found = load_share(path, group)
+    if found is None:
+        whole = load(source, crease_angle=crease_angle)
+        found = sliced(whole, *group.share_out(whole.triangle_count)[group.rank]), whole
+        if path is not None and comm.rank == 0 and comm.size > 1:
+            tell(path.name, "cannot be read in parts: every rank reads all of it, and keeps its share")
+    share, outline = found
+    with_all_attributes(share, comm)
+    at = offsets(share, group)
+    return Shared(share, outline, Team(comm, group, number, groups, at, composition), int(at[-1]))
 
 
 def sliced(scene: Scene, first: int, last: int) -> Scene:

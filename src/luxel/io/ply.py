@@ -51,6 +51,11 @@ def load(path: Path) -> Scene:
         for element in elements:
             if element.rows and element.properties:
                 columns[element.name] = read(element)
+    return scene_of(path, columns, texture)
+
+
+def scene_of(path: Path, columns: dict[str, Columns], texture: str = "") -> Scene:
+    """The scene of a file's elements, by name; `texture` is the name of the picture file, or ""."""
     scene = Scene(name=path.stem)
     mesh = _mesh(path.name, columns)
     if texture and mesh.texcoords is not None:

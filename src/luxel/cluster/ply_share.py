@@ -1,0 +1,188 @@
+"""A rank's share of a binary PLY file: a range of the bytes of its faces, and those vertices that they have.
+
+What decides for all vertices in a whole file (whether normals must be made unit again) is decided by all ranks together. Files that cannot be read in
+parts are left to the caller: ASCII, faces that are not all triangles, and what makes normals necessary, which needs neighbours.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from luxel.arrays import Array
+from luxel.cluster.comm import Comm
+from luxel.errors import FileError
+from luxel.io.files import open_plain
+from luxel.io.ply import INDEX_NAMES, read_header, scene_of
+from luxel.io.ply_rows import ROWS, Columns, Element, Lists, row_fields
+from luxel.scene.scene import Scene
+
+_UNIT = 1e-3  # as `io.build` judges normals
+
+
+class _Table:
+    """An element of a binary file whose rows are alike.
+
+    Attributes:
+        rows: How many.
+        dtype: Of a row; the fields that are list lengths are in `lengths`.
+        begin: Its first byte.
+    """
+
+    def __init__(self, element: Element, begin: int) -> None:
+        self.element, self.rows, self.begin = element, element.rows, begin
+        self.dtype, self.lengths = row_fields(element, {prop.name: 3 for prop in element.properties if prop.count is not None})
+        self.fields = dict(zip((prop.name for prop in element.properties), (n for i, n in enumerate(self.dtype.names or ()) if i not in self.lengths),
+                               strict=True))  # fmt: skip
+        self.end = begin + self.rows * self.dtype.itemsize
+
+    def stacked(self, rows: Any, names: Iterable[str]) -> Array:
+        """(n, 3) float32: three properties of rows."""
+        return np.stack([rows[self.fields[name]].astype(np.float32) for name in names], 1)
+
+    def read(self, file: IO[bytes], first: int, last: int) -> Iterator[tuple[int, Any]]:
+        """Rows first .. last - 1, some at a time."""
+        file.seek(self.begin + first * self.dtype.itemsize)
+        for start in range(first, last, ROWS):
+            rows = np.fromfile(file, self.dtype, min(ROWS, last - start))
+            if len(rows) < min(ROWS, last - start):
+                raise FileError(f"{file.name}, element {self.element.name}", f"the file ends in row {start + len(rows)} of {self.rows}")
+            yield start, rows
+
+
+class Vertices:
+    """Where the vertices of a file are, read when they are asked for: what a camera is framed with stands for the `positions` of a mesh."""
+
+    def __init__(self, path: Path, table: _Table) -> None:
+        self.path, self.table, self.shape = path, table, (table.rows, 3)
+
+    def __len__(self) -> int:
+        return self.table.rows
+
+    def __getitem__(self, rows: slice) -> Array:
+        first, last, _ = rows.indices(len(self))
+        with self.path.open("rb") as file:
+            parts = [self.table.stacked(part, "xyz") for _, part in self.table.read(file, first, last)]
+        return np.concatenate([np.zeros((0, 3), np.float32), *parts])
+
+
+class Outline:
+    """What framing asks a mesh for: where it is, and whether it has triangles."""
+
+    def __init__(self, positions: Vertices, count: int) -> None:
+        self.positions, self.triangles = positions, np.broadcast_to(np.int32(0), (count, 3))
+
+    def bounds(self) -> Array:
+        """As of `Mesh`: (2, 3) float64."""
+        low, high = np.full(3, np.inf), np.full(3, -np.inf)
+        for start in range(0, len(self.positions), ROWS):
+            points = self.positions[start : start + ROWS]
+            points = points[np.isfinite(points).all(1)]
+            if len(points):
+                low, high = np.minimum(low, points.min(0)), np.maximum(high, points.max(0))
+        return np.stack([low, high]) if np.isfinite(low).all() else np.zeros((2, 3))
+
+
+def load_share(path: Path, comm: Comm) -> tuple[Scene, Scene] | None:
+    """This rank's part of the scene, and one to frame a camera with; None on all ranks if the file cannot be read in parts.
+
+    Args:
+        path: Of the file, which all ranks can read.
+        comm: The ranks that share it.
+
+    Raises:
+        FileError: The file is missing or malformed.
+    """
+    with open_plain(path) as file:
+        order, elements, texture = read_header(file, path.name)
+        tables = _tables(elements, file.tell()) if order else None
+        if tables is None or max(table.end for table in tables) > path.stat().st_size:
+            return None  # if it is too short, the reader of whole files says so
+        vertex, face = tables
+        corners = _corners(face, file, *comm.share_out(face.rows)[comm.rank])
+        found = comm.gather((corners is not None, _normals(vertex, file, *comm.share_out(vertex.rows)[comm.rank])))
+        if not all(triangles and normals is not None for triangles, normals in found):
+            return None
+        assert corners is not None
+        columns, local = _vertices(vertex, file, corners)
+    if not all(unit for _, unit in found):
+        _make_unit(columns)
+    lists = Lists(np.broadcast_to(np.int64(3), len(local) // 3), local)
+    faces: Columns = {"vertex_indices": lists} if len(local) else {}
+    scene = scene_of(path, {"vertex": columns, "face": faces}, texture)
+    whole = scene_of(path, {"vertex": {name: np.zeros(0, np.float32) for name in "xyz"}}, "")
+    whole.meshes[0] = Outline(Vertices(path, vertex), face.rows)  # type: ignore[call-overload]
+    return scene, whole
+
+
+def _tables(elements: list[Element], begin: int) -> tuple[_Table, _Table] | None:
+    """The vertices and the faces, if they are all that is needed, and every row of them can be found."""
+    found = {}
+    for element in elements:
+        lists = [prop.name for prop in element.properties if prop.count is not None]
+        if len(lists) != (element.name == "face") or (lists and lists[0] not in INDEX_NAMES):
+            break  # where the next element begins is not known
+        found[element.name] = _Table(element, begin)
+        begin = found[element.name].end
+    if not {"vertex", "face"} <= found.keys() or "tristrips" in {element.name for element in elements}:
+        return None
+    colors = [prop.dtype.kind for prop in found["vertex"].element.properties if prop.name.endswith("red")]
+    if not {"x", "y", "z", "nx", "ny", "nz"} <= found["vertex"].fields.keys() or "f" in colors:  # what float colours mean hangs on the largest
+        return None
+    return found["vertex"], found["face"]
+
+
+def _corners(face: _Table, file: IO[bytes], first: int, last: int) -> Array | None:
+    """(k, 3): vertices of the faces first .. last - 1, as the file has them; None if they are not all triangles."""
+    name = next(prop.name for prop in face.element.properties if prop.count is not None)
+    out = np.empty((last - first, 3), face.dtype[face.fields[name]].base.newbyteorder("="))
+    if out.dtype.kind == "f":
+        return None
+    for start, rows in face.read(file, first, last):
+        if (rows[face.dtype.names[face.lengths[0]]] != 3).any():  # type: ignore[index]
+            return None
+        out[start - first : start - first + len(rows)] = rows[face.fields[name]]
+    return out
+
+
+def _normals(vertex: _Table, file: IO[bytes], first: int, last: int) -> bool | None:
+    """Whether the normals of vertices first .. last - 1 are unit; None if one has no direction."""
+    unit = True
+    for _, rows in vertex.read(file, first, last):
+        normals = vertex.stacked(rows, ("nx", "ny", "nz"))[np.isfinite(vertex.stacked(rows, "xyz")).all(1)]
+        with np.errstate(all="ignore"):
+            square = np.einsum("ij,ij->i", normals, normals)
+        if not ((square > 1e-12) & np.isfinite(square)).all():
+            return None
+        unit &= bool((np.abs(square - 1) < _UNIT).all())
+    return unit
+
+
+def _vertices(vertex: _Table, file: IO[bytes], corners: Array) -> tuple[Columns, Array]:
+    """The columns of the vertices that the triangles (k, 3) have, and the triangles' corners (3 k,) among them; what is out of range is -1."""
+    flat = corners.reshape(-1)
+    good = (flat >= 0) & (flat < vertex.rows)
+    low, high = (int(flat[good].min()), int(flat[good].max()) + 1) if good.any() else (0, 0)
+    used = np.zeros(high - low, bool)
+    used[flat[good] - low] = True
+    number = np.cumsum(used, dtype=np.int32) - np.int32(1)
+    local = np.full(len(flat), -1, np.int32)
+    local[good] = number[flat[good] - low]
+    columns = {name: np.empty(int(used.sum()), vertex.dtype[field].newbyteorder("=")) for name, field in vertex.fields.items()}
+    at = 0
+    for start, rows in vertex.read(file, low, high):
+        chosen = rows[used[start - low : start - low + len(rows)]]
+        for name, field in vertex.fields.items():
+            columns[name][at : at + len(chosen)] = chosen[field]
+        at += len(chosen)
+    return columns, local
+
+
+def _make_unit(columns: Columns) -> None:
+    """Normals at unit length, with the arithmetic of `io.build`."""
+    normals = np.stack([columns[name].astype(np.float32) for name in ("nx", "ny", "nz")], 1)
+    normals = (normals / np.sqrt(np.einsum("ij,ij->i", normals, normals))[:, None]).astype(np.float32)
+    columns |= dict(zip(("nx", "ny", "nz"), normals.T, strict=True))
