@@ -52,6 +52,7 @@ File = Annotated[Path, typer.Argument(metavar="FILE", help=_kinds, show_default=
 Output = Annotated[Path | None, _option(None, "-o", "--output", metavar="OUT", help=f"{_pictures} [FILE's name, .png, here]")]
 Size = Annotated[str, _option(None, "--size", metavar="WxH", help="Pixels; one number makes a square.")]
 Outputs = Annotated[str, _option(None, "--outputs", metavar="LIST", help=f"For .exr and .npz: {', '.join(_OUTPUTS)}.")]
+Device = Annotated[str | None, _option(None, "--device", metavar="NAME", help="What draws: cpu, cuda, or auto (a GPU if it can) [cpu].")]
 Threads = Annotated[str | None, _option(None, "--threads", metavar="N", help="Of the processor [all].")]
 
 _camera = partial(_option, "Camera")
@@ -92,6 +93,7 @@ def render(
     output: Output = None,
     size: Size = "1280x720",
     outputs: Outputs = "color",
+    device: Device = None,
     threads: Threads = None,
     camera: NamedCamera = None,
     azimuth: Azimuth = None,
@@ -143,6 +145,7 @@ def render(
         "outputs": values.names(outputs, _OUTPUTS, "--outputs"),
         "exposure": values.number(exposure, "--exposure", "-64 to 64 stops", lambda stops: abs(stops) <= 64),
         "threads": None if threads is None else values.whole(threads, "--threads", 1),
+        "device": "cpu" if device is None else values.choice(device, ("cpu", "cuda", "auto"), "--device"),
     }
     crease = None if crease_angle is None else values.number(crease_angle, "--crease-angle", "degrees from 0 to 180", lambda a: 0 <= a <= 180)
     values.output(output, EXTENSIONS)
@@ -212,16 +215,16 @@ def _draw(
     if numbered:
         digits = max(3, len(str(len(cameras) - 1)))
         paths = [output.with_stem(f"{output.stem}_{i:0{digits}}") for i in range(len(cameras))]
-        prepared = prepare(scene, options.pop("shading"), options.pop("cull"))
+        prepared = prepare(scene, options.pop("shading"), options.pop("cull"), options.pop("device"))
         for i, path in enumerate(paths):
             render(prepared, cameras[i], size, previous_camera=before[i], **options).save(path)
             report((i + 1) / len(paths))
         return paths
-    streamed = size[0] * size[1] > STREAMED and options["filter"] != "lowpass"
+    streamed = size[0] * size[1] > STREAMED and options["filter"] != "lowpass" and options["device"] == "cpu"
     if streamed and output.suffix.lower() == ".png" and options["outputs"] == ("color",):
         from luxel.raster.render import render_to_png
 
-        del options["outputs"]
+        del options["outputs"], options["device"]
         render_to_png(output, scene, cameras[0], size, progress=report, **options)
     else:
         try:
