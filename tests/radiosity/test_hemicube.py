@@ -62,7 +62,7 @@ def test_a_hemicube_sees_what_rays_through_its_pixels_meet(resolution):
             for i in range(0, high, max(1, resolution // 8)):
                 for j in range(resolution):
                     d = local[face, i, j] @ frames[s] * 1000.0
-                    hit, _ = nearest(scene, 0.0, 0.0, 0.0, *map(float, d))
+                    hit, _, _ = nearest(scene, 0.0, 0.0, 0.0, *map(float, d))
                     count += 1
                     wrong += hit != ids[face, i, j]
                     if hit >= 0 and hit == ids[face, i, j]:

@@ -1,6 +1,6 @@
 """Bake: from a scene to a lit scene.
 
-    unwrap -> luxels -> those inside solids found -> elements, patches, lights -> direct light of what has no surface -> solve -> lightmap
+    unwrap -> luxels -> those inside solids found -> elements, patches, lights -> direct light of what has no surface -> solve -> gather -> lightmap
 """
 
 from __future__ import annotations
@@ -22,10 +22,12 @@ from luxel.errors import InputError, LuxelWarning
 from luxel.radiosity import checkpoint as saving
 from luxel.radiosity import lightmap
 from luxel.radiosity.direct import light_table, shine, sky_table
-from luxel.radiosity.elements import QUALITIES, Cut, Quality, cut
-from luxel.radiosity.inside import seen_backs
+from luxel.radiosity.elements import QUALITIES, Cut, Quality, cut, frames_of_texels
+from luxel.radiosity.gather import Lookup, Sight, element_pages, settle, texel_maps
+from luxel.radiosity.inside import free_places, seen_backs
 from luxel.radiosity.luxels import Luxels, find_luxels, part_of
 from luxel.radiosity.occlusion import Occlusion, prepare
+from luxel.radiosity.pages import triangle_pages
 from luxel.radiosity.rays import scene_masks
 from luxel.radiosity.relight import Transport, transport_of
 from luxel.radiosity.solve import Problem, Rows, State, Step, ambient, complete, start, steps
@@ -40,6 +42,18 @@ _ROW_BYTES = 1 << 30
 
 _MOST_KEPT = 8 << 30
 """The same, if all of them are asked for."""
+
+_HIT_BYTES = 1 << 29
+"""What elements see is kept up to this."""
+
+_LAYER = 1e-5
+"""By how much the light of one lamp may change, of itself, in the last pass."""
+
+_SETTLED = 0.1
+"""Of the tolerance: by how much light may change, of itself, in the last pass in which elements pass it on."""
+
+_MOST_PASSES, _FEW_PASSES = 16, 2
+"""How often elements pass their light on: where what they see is kept, and where it is not."""
 
 _MOST_BACKS = 0.5
 """A luxel that sees more backs than this is inside a solid."""
@@ -100,15 +114,27 @@ class _Prepared:
     valid: Array
     cut: Cut
     rays: Occlusion
+    two_sided: Array
     reach: float
+
+    def sight(self, settings: Quality, most_bytes: int) -> Sight:
+        """What its elements see."""
+        pages = element_pages(self.luxels, self.cut.luxel, self.cut.back)
+        lookup = Lookup(texel_maps(self.geometry, self.atlas.size), triangle_pages(self.atlas, self.geometry), self.two_sided, pages)
+        return Sight(self.rays, self.cut.problem.elements.numbers, lookup, settings.gathered, self.reach, most_bytes)
 
 
 @dataclass
 class Progress:
-    """What a bake in progress can tell: unshot share of the light, shots so far, and the picture so far."""
+    """What a bake in progress can tell: unshot share of the light, shots so far, and the picture so far.
+
+    Attributes:
+        gathered: Share of the elements that have looked around for themselves, once all light is shot.
+    """
 
     prepared: _Prepared
     state: State
+    gathered: float = 0.0
 
     @property
     def unshot(self) -> float:
@@ -158,7 +184,7 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
     if problem.lights is None and not len(table):
         raise InputError("bake: nothing shines: expected an emissive material, a light or a sky")
     keep = transport or layers
-    rows, light_rows = _room(problem, keep)
+    rows, light_rows = _room(problem, keep, settings.gathered)
     state = start(problem, shine(prepared.rays, problem.elements, table, prepared.reach, threads) if len(table) else None)
     still = state.direct.copy()
     clock.lap("direct")
@@ -172,14 +198,19 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
     if state.escaped.sum() > _MUCH_LOST * state.emitted.sum():
         share = f"{state.escaped.sum() / state.emitted.sum():.0%} of the light meets nothing, or backs of surfaces"
         warnings.warn(f"{share}: is the scene open, or are normals inverted?", LuxelWarning, stacklevel=2)
-    values = _per_luxel(prepared, state.received + ambient(problem, state)[:, None].astype(np.float32))
+    received = state.received + ambient(problem, state)[:, None].astype(np.float32)
+    sight = prepared.sight(settings, _MOST_KEPT if keep else _HIT_BYTES)
+    if finished or keep:
+        received = _gather(sight, prepared, state, received, settings.tolerance, threads, progress)
+        clock.lap("gather")
+    values = _per_luxel(prepared, received)
     baked = Baked(prepared.atlas, prepared.luxels, values, prepared.valid, _per_luxel(prepared, state.direct), state.ledger, clock.seconds, finished)
     if keep:
         complete(problem, problem.patches, rows, threads)
         if problem.lights is not None:
             complete(problem, problem.lights, light_rows, threads)
         pieces, luxels = prepared.cut, prepared.luxels
-        kept = transport_of(problem, pieces.luxel, ~pieces.back, rows, light_rows, still, luxels.emission, luxels.albedo, threads)
+        kept = transport_of(problem, pieces.luxel, ~pieces.back, rows, light_rows, sight.hits, still, luxels.emission, luxels.albedo, threads)
         baked.transport = kept if transport else None
         clock.lap("transport")
         if layers:
@@ -188,13 +219,28 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
     return baked
 
 
-def _room(problem: Problem, keep: bool) -> tuple[Rows, Rows]:
+def _gather(sight: Sight, prepared: _Prepared, state: State, irradiance: Array, tolerance: float, threads: int,
+            progress: Callable[[float, Progress], None] | None) -> Array:  # fmt: skip
+    """(3, n) float32: the irradiance of elements that look around for themselves, from that of the patches."""
+    unshot = state.ledger[-1].unshot_fraction if state.ledger else 0.0
+
+    def told(done: float) -> None:
+        if progress:
+            progress(unshot, Progress(prepared, state, done))
+
+    passes = _MOST_PASSES if sight.whole else _FEW_PASSES
+    albedo = prepared.cut.problem.albedo
+    return settle(lambda light: sight.irradiance(light, threads, told), state.direct, albedo, irradiance, _SETTLED * tolerance, passes)
+
+
+def _room(problem: Problem, keep: bool, rays: int) -> tuple[Rows, Rows]:
     """Where rows are kept: all of them if they must be, else what fits."""
     n, patches = problem.elements.numbers.shape[1], len(problem.patches.tree.patches)
     lights = 0 if problem.lights is None else len(problem.lights.tree.patches)
     wanted = 2 * n * (patches + lights)
-    if keep and wanted > _MOST_KEPT:
-        raise InputError(f"transport: {wanted / 1e9:.1f} GB for {patches} patches and {n} luxels, at most {_MOST_KEPT / 1e9:.0f} GB: bake coarser")
+    if keep and max(wanted, 4 * n * rays) > _MOST_KEPT:
+        what = f"{patches} patches and {n} luxels of {rays} rays"
+        raise InputError(f"transport: {max(wanted, 4 * n * rays) / 1e9:.1f} GB for {what}, at most {_MOST_KEPT / 1e9:.0f} GB: bake coarser")
     return Rows(patches, n, wanted if keep else _ROW_BYTES), Rows(lights, n, wanted if keep else 0)
 
 
@@ -207,7 +253,7 @@ def _layers(prepared: _Prepared, kept: Transport, punctual: int, table: Array, t
         unique, k = name, 2
         while unique in layers:
             unique, k = f"{name} {k}", k + 1
-        layers[unique] = kept.spread(still, emission, kept.albedo, threads)
+        layers[unique] = kept.spread(still, emission, kept.albedo, _LAYER, threads)
 
     nothing, dark = np.zeros_like(kept.still), np.zeros_like(luxels.emission)
     drawn = [i for i in scene.instances if len(scene.meshes[i.mesh].triangles)]
@@ -255,13 +301,23 @@ def _prepare(scene: Any, settings: Quality, density: float | None, page: int, th
     reach = 2.0 * float(np.linalg.norm(np.ptp(finite, axis=0)))
     backs = seen_backs(rays, two_sided, luxels.position, luxels.face_normal, reach, threads)
     valid = (backs <= _MOST_BACKS) | luxels.two_sided
+    sides = frames_of_texels(atlas, geometry, luxels)
+    if not valid.all():
+        hidden = np.flatnonzero(~valid)
+        u, v = (side[hidden] for side in sides)
+        place, free = free_places(rays, two_sided, luxels.position[hidden], luxels.face_normal[hidden], u, v, reach, threads)
+        valid[hidden], moved = free > 0, hidden[free > 0]
+        luxels.position[moved] = place[free > 0]
+        luxels.area[moved] *= free[free > 0]
+        for side in sides:
+            side[moved] *= np.sqrt(free[free > 0])[:, None]
     if valid.mean() < _FEW_VALID:
         share = f"{1 - valid.mean():.0%} of the luxels see hardly anything but backs of surfaces"
         warnings.warn(f"{share}: are normals inverted? They stay dark", LuxelWarning, stacklevel=3)
     clock.lap("inside")
-    pieces = cut(atlas, geometry, luxels, valid, two_sided, masks, rays, settings, threads)
+    pieces = cut(luxels, sides, geometry, atlas.chart, valid, two_sided, masks, rays, settings, threads)
     clock.lap("patches")
-    return _Prepared(atlas, luxels, geometry, valid, pieces, rays, reach)
+    return _Prepared(atlas, luxels, geometry, valid, pieces, rays, two_sided, reach)
 
 
 def _two_sided(scene: Scene, geometry: Geometry) -> Array:

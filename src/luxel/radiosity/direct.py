@@ -14,8 +14,9 @@ import numpy as np
 from luxel import jit
 from luxel.arrays import Array, checked
 from luxel.radiosity.directions import sphere_directions
+from luxel.radiosity.element import GX, GY, GZ, NX, NY, NZ, PX, PY, PZ, UX, UY, UZ, VX, VY, VZ
 from luxel.radiosity.occlusion import Occlusion, occluded
-from luxel.radiosity.transport import GX, GY, GZ, NX, NY, NZ, PX, PY, PZ, UX, UY, UZ, VX, VY, VZ, Elements
+from luxel.radiosity.transport import Elements
 from luxel.scene.light import Light
 
 _CHUNK = 256

@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from luxel.arrays import Array
+from luxel.radiosity.element import AREA, GX, GZ, LIFT, NX, NZ, PX, PZ, UX, UZ, VX, VZ, find_free
 from luxel.radiosity.luxels import Luxels
 from luxel.radiosity.occlusion import Masks, Occlusion, prepare
 from luxel.radiosity.patches import Tree, build_tree, connected
 from luxel.radiosity.rays import visible
 from luxel.radiosity.solve import Problem, Source, source_of
-from luxel.radiosity.transport import AREA, GX, GZ, NX, NZ, PX, PZ, UX, UZ, VX, VZ, Occluders, Visibility, elements_of
+from luxel.radiosity.transport import Occluders, Visibility, elements_of
 from luxel.raster.bin import MASK, OPAQUE
 from luxel.raster.geometry import Geometry
 
@@ -35,8 +36,9 @@ class Quality(NamedTuple):
         light_points: At least so many points for all emitting surfaces, each of which shoots.
         resolution: Pixels along a hemicube's face, of a patch.
         light_resolution: The same, of a light.
+        gathered: Rays by which each element looks around for itself in the end.
         tolerance: The unshot share of the light at which to stop.
-        rays: Rays for pairs that are near and partly hidden.
+        rays: Rays for elements from which a light is partly hidden, for each part of it that shoots.
         exact: Rays for all pairs: the reference, slow.
     """
 
@@ -44,16 +46,17 @@ class Quality(NamedTuple):
     light_points: int
     resolution: int
     light_resolution: int
+    gathered: int
     tolerance: float = 1e-3
     rays: int = 4
     exact: bool = False
 
 
 QUALITIES = {
-    "draft": Quality(12, 16, 32, 64, 5e-3, 0),
-    "normal": Quality(6, 64, 64, 128),
-    "final": Quality(4, 256, 64, 128, rays=16),
-    "reference": Quality(4, 256, 16, 16, rays=16, exact=True),
+    "draft": Quality(12, 16, 32, 64, 64, 5e-3, 0),
+    "normal": Quality(12, 64, 32, 128, 128),
+    "final": Quality(6, 256, 64, 128, 1024, rays=16),
+    "reference": Quality(4, 256, 16, 16, 1024, rays=16, exact=True),
 }
 
 
@@ -81,8 +84,8 @@ def frames_of_texels(atlas: Atlas, geometry: Geometry, luxels: Luxels) -> tuple[
 
 
 def _numbers(luxels: Luxels, u: Array, v: Array) -> Array:
-    """(16, n) float32, in the order of the luxels."""
-    numbers = np.empty((16, len(luxels.area)), np.float32)
+    """(17, n) float32, in the order of the luxels."""
+    numbers = np.zeros((17, len(luxels.area)), np.float32)
     numbers[PX : PZ + 1], numbers[NX : NZ + 1], numbers[GX : GZ + 1] = luxels.position.T, luxels.normal.T, luxels.face_normal.T
     numbers[AREA], numbers[UX : UZ + 1], numbers[VX : VZ + 1] = luxels.area, u.T, v.T
     return numbers
@@ -135,22 +138,24 @@ def occluders_of(geometry: Geometry, two_sided: Array, masks: Masks | None = Non
     )  # fmt: skip
 
 
-def cut(atlas: Atlas, geometry: Geometry, luxels: Luxels, valid: Array, two_sided: Array, masks: Masks | None, rays: Occlusion,
-        quality: Quality, threads: int) -> Cut:  # fmt: skip
+def cut(luxels: Luxels, sides: tuple[Array, Array], geometry: Geometry, charts: Array, valid: Array, two_sided: Array, masks: Masks | None,
+        rays: Occlusion, quality: Quality, threads: int) -> Cut:  # fmt: skip
     """Cut a scene into elements, patches and lights.
 
     Args:
+        sides: Of `frames_of_texels`.
         geometry: `flatten(atlas.scene, "none")`.
+        charts: (m,) int32, of each triangle.
         valid: (n,) bool: luxels that take part.
         two_sided: (m,) bool, of each triangle.
         rays: All that hides.
     """
-    u, v = frames_of_texels(atlas, geometry, luxels)
-    numbers = _numbers(luxels, u, v)
+    numbers = _numbers(luxels, *sides)
     fronts = np.flatnonzero(valid).astype(np.int32)
     backs = np.flatnonzero(luxels.two_sided).astype(np.int32)
     luxel = np.concatenate([fronts, backs])
     numbers = np.concatenate([numbers[:, fronts], _turned(numbers[:, backs])], 1)
+    find_free(rays, charts, luxels.chart[luxel], numbers, threads)
     extent = (quality.patch * np.sqrt(numbers[AREA] / np.maximum(luxels.coverage[luxel], 0.05))).astype(np.float32)
     tree = build_tree(np.ascontiguousarray(numbers[PX : PZ + 1].T), np.ascontiguousarray(numbers[GX : GZ + 1].T), numbers[AREA], extent)
     elements = elements_of(_in_tree_order(tree, numbers))
@@ -158,7 +163,9 @@ def cut(atlas: Atlas, geometry: Geometry, luxels: Luxels, valid: Array, two_side
     patches = source_of(tree, elements.numbers, quality.resolution)
     albedo = np.ascontiguousarray(luxels.albedo[luxel][tree.order].T)
     shining = np.flatnonzero(luxels.emission[fronts].sum(1) > 0)
-    lights, exitance, point_luxel = _lights(numbers[:, shining], luxels.emission[fronts[shining]], fronts[shining], quality)
+    lights, exitance, point_luxel = _lights(
+        numbers[:, shining], luxels.emission[fronts[shining]], fronts[shining], rays, quality, threads
+    )
     span = geometry.positions[np.isfinite(geometry.positions).all(1)]
     near = _NEAR * float(np.linalg.norm(np.ptp(span, axis=0)))
     problem = Problem(
@@ -168,19 +175,33 @@ def cut(atlas: Atlas, geometry: Geometry, luxels: Luxels, valid: Array, two_side
     return Cut(problem, luxel[tree.order], tree.order >= len(fronts))
 
 
-def _lights(numbers: Array, emission: Array, luxel: Array, quality: Quality) -> tuple[Source | None, Array, Array]:
-    """What emits, as a source, with the exitance (k, 3) and the luxel (k,) of its points; of (16, m) numbers, (m, 3) emission and (m,) luxels."""
+def _lights(numbers: Array, emission: Array, luxel: Array, rays: Occlusion, quality: Quality, threads: int) -> tuple[Source | None, Array, Array]:
+    """What emits, as a source, with the exitance (k, 3) and the luxel (k,) of its points; of (17, m) numbers, (m, 3) emission and (m,) luxels."""
     if not len(luxel):
         return None, np.zeros((0, 3), np.float32), luxel
     side = float(np.sqrt(numbers[AREA].sum() / quality.light_points))  # of a point's patch
     cuts = int(np.clip(np.ceil(2 * np.sqrt(numbers[AREA].mean()) / side), 1, _MOST_CUTS))
-    at = (np.arange(cuts) + 0.5) / cuts - 0.5
-    x, y = (grid.ravel() for grid in np.meshgrid(at, at))
-    fine = np.repeat(numbers, cuts * cuts, 1)
-    fine[PX : PZ + 1] += fine[UX : UZ + 1] * np.tile(x, len(luxel)) + fine[VX : VZ + 1] * np.tile(y, len(luxel))
-    fine[UX : VZ + 1] /= cuts
-    fine[AREA] /= cuts * cuts
+    fine, whole = _points(numbers, cuts, rays, threads)
     extent = np.full(fine.shape[1], side, np.float32)
     tree = build_tree(np.ascontiguousarray(fine[PX : PZ + 1].T), np.ascontiguousarray(fine[GX : GZ + 1].T), fine[AREA], extent)
-    origin = (tree.order // (cuts * cuts)).astype(np.int64)
+    origin = whole[tree.order]
     return source_of(tree, _in_tree_order(tree, fine), quality.light_resolution), emission[origin].astype(np.float32), luxel[origin]
+
+
+def _points(numbers: Array, cuts: int, rays: Occlusion, threads: int) -> tuple[Array, Array]:
+    """Elements (17, m) cut to `cuts` x `cuts` parts, and which each part is of. Those that the middle of their element does not see, as the surface
+    bends away or something stands on it, are left out, and the others are larger."""
+    at = (np.arange(cuts) + 0.5) / cuts - 0.5
+    x, y = (grid.ravel() for grid in np.meshgrid(at, at))
+    whole = np.repeat(np.arange(numbers.shape[1]), cuts * cuts)
+    fine = numbers[:, whole]
+    middle = (fine[PX : PZ + 1] + LIFT * np.sqrt(fine[AREA]) * fine[GX : GZ + 1]).T
+    fine[PX : PZ + 1] += fine[UX : UZ + 1] * np.tile(x, numbers.shape[1]) + fine[VX : VZ + 1] * np.tile(y, numbers.shape[1])
+    kept = visible(rays, middle, fine[PX : PZ + 1].T, threads)
+    count = np.bincount(whole[kept], minlength=numbers.shape[1])
+    none = np.flatnonzero(count == 0)  # the middle itself shines for all of these
+    fine[PX : PZ + 1, none * cuts * cuts], kept[none * cuts * cuts], count[none] = numbers[PX : PZ + 1, none], True, 1
+    fine, whole = fine[:, kept], whole[kept]
+    fine[UX : VZ + 1] /= np.sqrt(count)[whole]
+    fine[AREA] /= count[whole]
+    return fine, whole

@@ -75,18 +75,28 @@ def fill(luxels: Luxels, values: Array, valid: Array) -> Array:
     spread_values = spread(pages, known, mask, label=chart)[0][page, row, column]
     lone = np.flatnonzero(~np.isin(luxels.chart, np.unique(luxels.chart[valid])))
     if len(lone) and valid.any():
-        spread_values[lone] = values[_like(luxels, lone, np.flatnonzero(valid))]
+        spread_values[lone] = values[like(luxels, lone, valid)]
     return spread_values
 
 
-def _like(luxels: Luxels, lone: Array, valid: Array) -> Array:
-    """For each of some luxels the nearest valid one that faces a like way, or the nearest of all: (k,) int."""
+def like(luxels: Luxels, wanted: Array, valid: Array) -> Array:
+    """(k,) int: for each of some luxels, `wanted` (k,), the nearest `valid` (n,) one on its chart; if there is none, the nearest that faces a like
+    way, or the nearest of all. At least one must be valid.
+    """
     from scipy.spatial import KDTree
 
-    _, near = KDTree(luxels.position[valid]).query(luxels.position[lone], k=min(_NEAR, len(valid)))
-    near = valid[np.reshape(near, (len(lone), -1))]
-    alike = np.einsum("ijk,ik->ij", luxels.face_normal[near], luxels.face_normal[lone]) > _ALIKE
-    return near[np.arange(len(lone)), np.argmax(alike, 1)]  # nearest first; 0 if none is alike
+    known = np.flatnonzero(valid)
+    apart = 4.0 * float(np.abs(luxels.position).max()) + 1.0  # charts are put so far apart that none is nearer than the same
+    by_chart = np.concatenate([luxels.position, apart * luxels.chart[:, None]], 1, dtype=np.float64)
+    _, near = KDTree(by_chart[known]).query(by_chart[wanted])
+    found = known[near]
+    lone = np.flatnonzero(luxels.chart[found] != luxels.chart[wanted])
+    if len(lone):
+        _, near = KDTree(luxels.position[known]).query(luxels.position[wanted[lone]], k=min(_NEAR, len(known)))
+        near = known[np.reshape(near, (len(lone), -1))]
+        alike = np.einsum("ijk,ik->ij", luxels.face_normal[near], luxels.face_normal[wanted[lone]]) > _ALIKE
+        found[lone] = near[np.arange(len(lone)), np.argmax(alike, 1)]  # nearest first; 0 if none is alike
+    return found
 
 
 def dilate(pages: Array, mask: Array, radius: int) -> Array:

@@ -33,7 +33,7 @@ def nearest(scene, ox, oy, oz, dx, dy, dz):
     """The first triangle of `scene` (an `Occlusion`) on the segment from o by d, float64 metres.
 
     Returns:
-        Its row in the mesh or -1, and the product of d and its normal: below 0 where the segment comes from the front.
+        Its row in the mesh or -1; the product of d and its normal, below 0 where the segment comes from the front; and where it is met, 0..1.
     """
     found, side, reach = np.int64(-1), 0.0, 1.0
     ix, iy, iz = 1.0 / dx, 1.0 / dy, 1.0 / dz
@@ -54,4 +54,4 @@ def nearest(scene, ox, oy, oz, dx, dy, dz):
             if at < reach:
                 found, side, reach = np.int64(scene.triangle[item]), slope, at
         node += np.uint64(1)
-    return found, side
+    return found, side, reach

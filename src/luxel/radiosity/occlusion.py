@@ -127,6 +127,18 @@ def _opaque_at(scene, item, w0, w1, w2):
 
 
 @jit.part
+def mask_is_opaque(scene, item, x, y, z):
+    """Whether a masked triangle hides at a point of its plane; `item` in the order of the leaves."""
+    c = scene.corners[item]
+    ux, uy, uz, vx, vy, vz = c[3] - c[0], c[4] - c[1], c[5] - c[2], c[6] - c[0], c[7] - c[1], c[8] - c[2]
+    px, py, pz = x - c[0], y - c[1], z - c[2]
+    uu, uv, vv = ux * ux + uy * uy + uz * uz, ux * vx + uy * vy + uz * vz, vx * vx + vy * vy + vz * vz
+    pu, pv = px * ux + py * uy + pz * uz, px * vx + py * vy + pz * vz
+    whole, w1, w2 = uu * vv - uv * uv, pu * vv - pv * uv, pv * uu - pu * uv
+    return _opaque_at(scene, item, np.float64(whole - w1 - w2), np.float64(w1), np.float64(w2))
+
+
+@jit.part
 def _hides(scene, item, kx, ky, kz, ox, oy, oz, dx, dy, dz, epsilon):
     """Whether triangle `item` (in the order of the leaves) crosses the segment from o by d, whose coordinates are permuted: kz is the longest of d.
 

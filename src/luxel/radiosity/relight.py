@@ -1,9 +1,10 @@
 """Transport that is kept: other lights, other colours, the same walls, without looking again who sees whom.
 
-    direct light of the new lights -> mean radiosity of the patches, by conjugate gradients -> every patch gives to every element, once
+    direct light of the new lights -> mean radiosity of the patches, by conjugate gradients -> every element gathers, until light has settled
 
 The patches' equations are b = d + rho F b with F from patch to patch. With areas a, and G = a F made symmetric (reciprocity), y = sqrt(a / rho) b
 turns them into (1 - R G R) y = sqrt(a / rho) d, R = sqrt(rho / a): symmetric and positive definite while rho < 1 and the rows of G sum to at most a.
+They are a good start for the elements, whose own light is what their rays meet (`gather`).
 """
 
 from __future__ import annotations
@@ -17,24 +18,28 @@ import numpy as np
 from luxel import jit
 from luxel.arrays import Array, checked
 from luxel.errors import FileError, InputError
+from luxel.radiosity.element import AREA
+from luxel.radiosity.gather import mean_radiosity, settle
 from luxel.radiosity.solve import Problem, Rows, patch_starts
-from luxel.radiosity.transport import AREA, BLOCK, gather, receive
+from luxel.radiosity.transport import gather, receive
 
-_ENOUGH = 1e-5  # of the norm of the right-hand side
+_ENOUGH = 1e-4  # of the norm of the right-hand side
 _MOST_STEPS = 100
-_VERSION = 1
+_SETTLED = 1e-3  # of the light: by how much it may change in the last pass
+_VERSION = 2
 
 
 @dataclass(eq=False)
 class Transport:
-    """What every patch and every light gives to every element of a baked scene, per unit of radiosity.
+    """What every element of a baked scene sees, and what every light gives to it, per unit of radiosity.
 
     Attributes:
         luxel: (e,) int32: the luxel of each element; `front` (e,) bool: it is its front.
         area: (e,) float32, m2.
         starts: (p + 1,) int64: where the elements of each patch begin.
-        rows, touched, scale: Of the patches, as in `luxel.radiosity.solve.Rows`; the first p rows are theirs, those of the l lights follow.
         exchange: (p, p) float32: G, symmetric, m2.
+        hits: (e, r) int32: the elements that the rays of each meet, or what is below 0; see `luxel.radiosity.gather`.
+        rows, touched, scale: Of the l lights, as in `luxel.radiosity.solve.Rows`.
         point_luxel, point_area, point_starts: Of the points of the lights: their luxels (k,), areas (k,), and where each light's begin (l + 1,).
         still: (3, e) float32: irradiance of lights without a surface, W/m2.
         emission: (n, 3) float32: radiant exitance of each luxel at the bake, W/m2.
@@ -45,10 +50,11 @@ class Transport:
     front: Array
     area: Array
     starts: Array
+    exchange: Array
+    hits: Array
     rows: Array
     touched: Array
     scale: Array
-    exchange: Array
     point_luxel: Array
     point_area: Array
     point_starts: Array
@@ -56,13 +62,15 @@ class Transport:
     emission: Array
     albedo: Array
 
-    def solve(self, emission: Array | None = None, albedo: Array | None = None, *, still: float = 1.0, threads: int | None = None) -> Array:
+    def solve(self, emission: Array | None = None, albedo: Array | None = None, *, still: float = 1.0, tolerance: float = _SETTLED,
+              threads: int | None = None) -> Array:  # fmt: skip
         """Light the scene anew.
 
         Args:
             emission: (n, 3) radiant exitance of each luxel, W/m2; None: as baked.
             albedo: (n, 3), each below 1; None: as baked.
             still: Factor for the light of what has no surface (point, spot and directional lights, the sky).
+            tolerance: By how much the light may change, of itself, in the last pass from element to element.
             threads: None: all cores this process may use. The result does not depend on it.
 
         Returns:
@@ -73,34 +81,51 @@ class Transport:
         """
         emission = self.emission if emission is None else self._checked(emission, "emission", np.inf)
         albedo = self.albedo if albedo is None else self._checked(albedo, "albedo", 1.0)
-        return self.spread(self.still * np.float32(still), emission, albedo, jit.checked_threads(threads))
+        return self.spread(self.still * np.float32(still), emission, albedo, tolerance, jit.checked_threads(threads))
 
-    def spread(self, received: Array, emission: Array, albedo: Array, threads: int) -> Array:
-        """(n, 3) float32 irradiance per luxel, from `received` (3, e) float32, which is added to, and the luxels' exitance and albedo (n, 3)."""
-        lights, patches = len(self.point_starts) - 1, len(self.starts) - 1
-        shining = emission[self.luxel] * self.front[:, None]
-        if lights:
-            power = np.add.reduceat(emission[self.point_luxel] * self.point_area[:, None], self.point_starts[:-1], 0)
-            glow = power / np.add.reduceat(self.point_area, self.point_starts[:-1])[:, None] * self.scale[patches:, None]
-            receive(self.rows, self.touched, patches + np.arange(lights), glow.astype(np.float32), received, threads)
-            point = np.zeros(len(emission), bool)
-            point[self.point_luxel] = True
-            shining[point[self.luxel]] = 0
-        area = np.add.reduceat(self.area.astype(np.float64), self.starts[:-1])
-        rho = self._means(albedo[self.luxel])
-        first = self._means(received.T * albedo[self.luxel] + shining)
-        radiosity = _conjugate_gradients(self.exchange, area, rho, first)
-        receive(self.rows, self.touched, np.arange(patches), (radiosity * self.scale[:patches, None]).astype(np.float32), received, threads)
+    def spread(self, direct: Array, emission: Array, albedo: Array, tolerance: float, threads: int) -> Array:
+        """(n, 3) float32 irradiance per luxel, from `direct` (3, e), which is added to, and the luxels' exitance and albedo (n, 3)."""
+        rho = np.ascontiguousarray(albedo[self.luxel].T)
+        shining = self._shine(direct, emission, threads)
+        around = self._exchanged(direct, rho, shining)
+
+        def gathered(light: Array) -> Array:
+            if shining is not None:
+                light += shining
+            result = np.empty_like(direct)
+            mean_radiosity(self.hits, light, 0, result, threads)
+            return result
+
+        received = settle(gathered, direct, rho, direct + around, tolerance)
         result = np.zeros(emission.shape, np.float32)
         front = np.flatnonzero(self.front)
         result[self.luxel[front]] = received[:, front].T
         return result
 
+    def _shine(self, direct: Array, emission: Array, threads: int) -> Array | None:
+        """Add to `direct` what the lights give; the exitance (e, 3) of elements that were no lights at the bake, None if they all are dark."""
+        lights = len(self.point_starts) - 1
+        if lights:
+            power = np.add.reduceat(emission[self.point_luxel] * self.point_area[:, None], self.point_starts[:-1], 0)
+            glow = power / np.add.reduceat(self.point_area, self.point_starts[:-1])[:, None] * self.scale[:, None]
+            receive(self.rows, self.touched, np.arange(lights), glow.astype(np.float32), direct, threads)
+        dark = emission.sum(1) > 0
+        dark[self.point_luxel] = False
+        return (emission * dark[:, None])[self.luxel] * self.front[:, None] if dark.any() else None
+
+    def _exchanged(self, direct: Array, albedo: Array, shining: Array | None) -> Array:
+        """(3, e) float32: what patches get from each other, the same for all elements of a patch; `albedo` (3, e)."""
+        bounced = direct * albedo if shining is None else direct * albedo + shining.T
+        rho, first = self._means(albedo), self._means(bounced)
+        area = np.add.reduceat(self.area, self.starts[:-1], dtype=np.float64)
+        radiosity = _conjugate_gradients(self.exchange, area, rho, first)
+        given = (self.exchange @ radiosity.astype(np.float32)) / area[:, None]
+        return np.repeat(given, np.diff(self.starts), 0).T.astype(np.float32)
+
     def _means(self, values: Array) -> Array:
-        """(p, 3) float64: area-weighted means over patches of (e, 3)."""
-        weight = self.area.astype(np.float64)
-        sums = np.add.reduceat(values * weight[:, None], self.starts[:-1], 0)
-        return sums / np.add.reduceat(weight, self.starts[:-1])[:, None]
+        """(p, 3) float64: area-weighted means over patches of (3, e)."""
+        sums = np.add.reduceat(values * self.area, self.starts[:-1], 1, dtype=np.float64)
+        return (sums / np.add.reduceat(self.area, self.starts[:-1], dtype=np.float64)).T
 
     def _checked(self, values: object, name: str, least_wrong: float) -> Array:
         array = checked(values, self.emission.shape, np.float32, name)
@@ -117,7 +142,6 @@ class Transport:
         path = Path(path)
         beside = path.with_name(path.name + ".part")
         arrays = {field.name: getattr(self, field.name) for field in fields(self)}
-        arrays["rows"] = self.rows.reshape(-1, BLOCK)[self.touched.ravel()]  # only the blocks that are not all zero
         try:
             with open(beside, "wb") as file:
                 np.savez(file, version=np.array(_VERSION), **arrays)
@@ -140,34 +164,24 @@ class Transport:
                 arrays = {field.name: kept[field.name] for field in fields(cls)}
         except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
             raise FileError(path, f"expected a kept transport ({error})") from error
-        packed, touched = arrays["rows"], arrays["touched"]
-        rows = np.zeros((touched.size, BLOCK), np.uint16)
-        if packed.shape != (int(touched.sum()), BLOCK):
-            raise FileError(path, f"rows: expected {(int(touched.sum()), BLOCK)}, got {packed.shape}")
-        rows[touched.ravel()] = packed
-        arrays["rows"] = rows.reshape(len(touched), -1)
         return cls(**arrays)
 
 
-def transport_of(problem: Problem, luxel: Array, front: Array, rows: Rows, light_rows: Rows, still: Array, emission: Array, albedo: Array,
-                 threads: int) -> Transport:  # fmt: skip
-    """Gather what a solve has left; `rows` and `light_rows` must be complete, with room for all patches."""
-    tree, numbers = problem.patches.tree, problem.elements.numbers
-    patches, starts = len(tree.patches), patch_starts(tree)
-    lights = 0 if problem.lights is None else len(problem.lights.tree.patches)
-    width = -(-numbers.shape[1] // BLOCK) * BLOCK
-    kept = np.zeros((patches + lights, width), np.uint16)
-    kept[:patches, : numbers.shape[1]] = rows.rows[rows.slot]
-    touched, scale = rows.touched[rows.slot], rows.scale[rows.slot]
-    points = np.zeros(0, np.int32), np.zeros(0), np.zeros(1, np.int64)
-    if problem.lights is not None:
-        kept[patches:, : numbers.shape[1]] = light_rows.rows[light_rows.slot]
-        touched = np.concatenate([touched, light_rows.touched[light_rows.slot]])
-        scale = np.concatenate([scale, light_rows.scale[light_rows.slot]])
-        points = problem.point_luxel, problem.lights.numbers[AREA].astype(np.float64), patch_starts(problem.lights.tree)
-    given = gather(kept[:patches], touched[:patches], scale[:patches], numbers[AREA], starts, threads)
+def transport_of(problem: Problem, luxel: Array, front: Array, rows: Rows, light_rows: Rows, hits: Array, still: Array, emission: Array,
+                 albedo: Array, threads: int) -> Transport:  # fmt: skip
+    """Gather what a bake has left; `rows` and `light_rows` must be complete, with room for all patches, and `hits` be of all elements."""
+    area, starts = problem.elements.numbers[AREA], patch_starts(problem.patches.tree)
+    patches = len(rows.slot)
+    given = gather(rows.rows[:patches], rows.touched[:patches], rows.scale[:patches], area, starts, threads)[rows.slot]
     exchange = ((given + given.T) / 2).astype(np.float32)
-    return Transport(luxel, front, numbers[AREA].copy(), starts, kept, touched, scale, exchange, *points, still, emission, albedo)
+    points = np.zeros(0, np.int32), np.zeros(0), np.zeros(1, np.int64)
+    slot = light_rows.slot
+    if problem.lights is not None:
+        points = problem.point_luxel, problem.lights.numbers[AREA].astype(np.float64), patch_starts(problem.lights.tree)
+    return Transport(
+        luxel, front, area.copy(), starts, exchange, hits, light_rows.rows[slot], light_rows.touched[slot], light_rows.scale[slot], *points, still,
+        emission, albedo,
+    )  # fmt: skip
 
 
 def _conjugate_gradients(exchange: Array, area: Array, rho: Array, first: Array) -> Array:

@@ -18,9 +18,10 @@ import numpy as np
 
 from luxel import jit
 from luxel.arrays import Array
+from luxel.radiosity.element import AREA, PX, PZ
 from luxel.radiosity.hemicube import frames_of, see
 from luxel.radiosity.patches import Tree, middles
-from luxel.radiosity.transport import AREA, BLOCK, PX, PZ, Elements, Occluders, Shooters, Visibility, fill_rows, receive
+from luxel.radiosity.transport import BLOCK, Elements, Occluders, Shooters, Visibility, fill_rows, receive
 
 _BATCH = 128
 _SHARE = 16  # of the patches, at most, shoot at a time: the brightest are known anew after each batch
@@ -33,7 +34,7 @@ class Source(NamedTuple):
 
     Attributes:
         tree: Over the elements.
-        numbers: (16, k) float32 of its elements.
+        numbers: (17, k) float32 of its elements.
         shooters: Of its patches, in order.
         resolution: Pixels along a face of their hemicubes.
     """
@@ -211,7 +212,8 @@ def fill(problem: Problem, source: Source, chosen: Array, rows: Rows, threads: i
     resolution = np.full(len(fresh), source.resolution, np.int64)
     seen = see(problem.occluders.positions, problem.occluders.triangles, who.centers, who.frames, resolution, problem.near, threads)
     to = slots[fresh]
-    parts, escaped = fill_rows(problem.elements, source.tree, source.numbers, who, seen, problem.occluders, problem.rays, to, rows.rows, threads)
+    rays = problem.rays if source is problem.lights or problem.rays.always else problem.rays._replace(number=0)
+    parts, escaped = fill_rows(problem.elements, source.tree, source.numbers, who, seen, problem.occluders, rays, to, rows.rows, threads)
     sums, areas = parts.sum(1), source.tree.place[who.node, 7].astype(np.float64)
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = np.where(sums > 0, (1.0 - escaped.sum(1)) * areas / sums, 1.0)

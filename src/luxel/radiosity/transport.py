@@ -21,6 +21,7 @@ import numpy as np
 from luxel import jit
 from luxel.arrays import Array
 from luxel.jit import bits_float, float_bits
+from luxel.radiosity.element import AREA, FREE, GX, LIFT, NX, NY, NZ, PX, PY, PZ, UX, VX, free_spot, point_of
 from luxel.radiosity.hemicube import FACES, ItemBuffers, delta_form_factors
 from luxel.radiosity.occlusion import Occlusion, occluded
 from luxel.radiosity.patches import Tree
@@ -28,9 +29,6 @@ from luxel.radiosity.transfer import polygon_factor
 
 BLOCK = 128
 """Elements that a thread works on at a time."""
-
-# Rows of `Elements.numbers`.
-PX, PY, PZ, NX, NY, NZ, GX, GY, GZ, AREA, UX, UY, UZ, VX, VY, VZ = range(16)
 
 _F, _I = np.float32, np.int32
 _PER_PI = _F(1 / np.pi)
@@ -45,7 +43,8 @@ class Elements(NamedTuple):
     """What receives light and sends it on, in the order of its tree.
 
     Attributes:
-        numbers: (16, n) float32: position, normal (shading), normal of the surface, area, and the element's sides u and v as vectors, metres.
+        numbers: (17, n) float32: position, normal (shading), normal of the surface, area, the element's sides u and v as vectors, metres, and
+            which of its spots are free; see `element`.
         bounds: (blocks, 8) float32: of each `BLOCK` of them: the centre and radius of a ball about their positions, and of their surfaces' normals.
     """
 
@@ -76,8 +75,8 @@ class Visibility(NamedTuple):
 
     Attributes:
         scene: All triangles.
-        number: Rays a pair of shooter and element; 0: none. They go to elements spread over the shooter.
-        always: For all pairs, for reference; False: for those that are near and partly hidden.
+        number: Rays a pair of shooter and element; 0: none. They go from spots of the one to elements spread over the other.
+        always: For all pairs, for reference; False: for those that are partly hidden.
     """
 
     scene: Occlusion
@@ -100,7 +99,7 @@ class Shooters(NamedTuple):
 
 
 def elements_of(numbers: Array) -> Elements:
-    """Elements with their bounds; `numbers` (16, n) float32."""
+    """Elements with their bounds; `numbers` (17, n) float32."""
     starts = np.arange(0, numbers.shape[1], BLOCK)
     bounds = np.empty((len(starts), 8), np.float32)
     sizes = np.diff(np.append(starts, numbers.shape[1]))
@@ -275,15 +274,14 @@ def _seen_fraction(i, at, resolution, center, near, c, depth, ids, planes):
 
 
 @jit.part
-def _ray_fraction(scene, rays, span, source, x, y, z):
-    """How much of a shooter a point sees, 0..1, by rays to `rays` of its elements, or to all if it has fewer."""
-    n = min(np.int64(rays), np.int64(span[1] - span[0]))
-    seen = 0
-    for k in range(n):
-        j = np.int64(span[0]) + (2 * k + 1) * np.int64(span[1] - span[0]) // (2 * n)
-        sx, sy, sz = np.float64(source[PX, j]), np.float64(source[PY, j]), np.float64(source[PZ, j])
-        seen += not occluded(scene, sx, sy, sz, np.float64(x), np.float64(y), np.float64(z), -1, -1)
-    return _F(seen) / _F(n)
+def _ray_fraction(scene, rays, span, source, numbers, i):
+    """How much of a shooter element `i` sees, 0..1, by rays from spots of the one to elements spread over the other."""
+    seen, free = 0, np.int64(numbers[FREE, i])
+    for k in range(rays):
+        j = np.int64(span[0]) + (2 * k + 1) * np.int64(span[1] - span[0]) // (2 * rays)
+        x, y, z = point_of(numbers, i, free_spot(free, k), LIFT)
+        seen += not occluded(scene, np.float64(source[PX, j]), np.float64(source[PY, j]), np.float64(source[PZ, j]), x, y, z, -1, -1)
+    return _F(seen) / _F(rays)
 
 
 @jit.part
@@ -334,8 +332,8 @@ def _fill_rows(queue, numbers, bounds, span, child, place, source, nodes, center
                 i = listed[k]
                 at = np.uint64(start[s]) + np.uint64(float_bits(c[_AT + i]))
                 v = _seen_fraction(i, at, resolution, center, near, c, depth, ids, planes)
-                if rays > 0 and (always or (_F(0.0) < v < _F(1.0) and c[_R2 + i] < near2)):
-                    v = _ray_fraction(scene, rays, span[node], source, c[_X + i], c[_Y + i], c[_Z + i])
+                if rays > 0 and (always or _F(0.0) < v < _F(1.0)):
+                    v = _ray_fraction(scene, rays, span[node], source, numbers, np.uint64(first) + i)
                 if v == _F(0.0):
                     continue
                 x, y, z = c[_X + i], c[_Y + i], c[_Z + i]
@@ -400,7 +398,7 @@ def fill_rows(elements: Elements, tree: Tree, source: Array, shooters: Shooters,
 
     Args:
         elements: Of the receivers.
-        tree: Of the shooters, whose elements' numbers are `source` (16, k).
+        tree: Of the shooters, whose elements' numbers are `source` (17, k).
         slots: (s,) int64: where each row goes.
         rows: (slots, n) uint16, written.
 

@@ -1,0 +1,100 @@
+"""Element: the numbers of one, and the spots on it from which it looks around.
+
+Its spots are a grid over the parallelogram of its sides, a little above the surface: there a spot of a curved surface is in front of its
+neighbours, and nothing that matters is that thin.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from luxel import jit
+from luxel.arrays import Array
+from luxel.radiosity.nearest import nearest
+from luxel.radiosity.occlusion import Occlusion
+
+# Rows of `Elements.numbers`; FREE holds a bit for each spot that is not inside something that stands on the element, 0 if only the middle is not.
+PX, PY, PZ, NX, NY, NZ, GX, GY, GZ, AREA, UX, UY, UZ, VX, VY, VZ, FREE = range(17)
+
+_SIDE = 4
+SPOTS = _SIDE * _SIDE
+"""Points of an element, row by row, that stand for its parts."""
+
+LIFT = np.float32(0.025)
+"""Of an element's side: how high above the surface its spots are."""
+
+_CHUNK = 512
+_STRIDE = 7  # from spot to spot, so that those that follow each other are apart
+_F, _HALF, _STEP = np.float32, np.float32(0.5), np.float32(1 / _SIDE)
+
+
+def _spot(k):
+    """Where spot `k` is, in sides of the element from its middle, -1/2 .. 1/2; the middle for `SPOTS`."""
+    if k == SPOTS:
+        return _F(0.0), _F(0.0)
+    return (_F(k % _SIDE) + _HALF) * _STEP - _HALF, (_F(k // _SIDE) + _HALF) * _STEP - _HALF
+
+
+_spot_part = jit.part(_spot)
+
+
+@jit.part
+def free_spot(free, k):
+    """Number `k` in a walk around the free spots of an element, of which `free` has the bits; the middle if there are none."""
+    if free == 0:
+        return SPOTS
+    s = (k * _STRIDE) % SPOTS
+    while not free & (1 << s):
+        s = (s + 1) % SPOTS
+    return s
+
+
+@jit.part
+def point_of(numbers, i, spot, lift):
+    """A spot of element `i`, `lift` of its side above the surface; metres, float32."""
+    a, b = _spot_part(spot)
+    lift *= np.sqrt(numbers[AREA, i])
+    x = numbers[PX, i] + lift * numbers[GX, i] + a * numbers[UX, i] + b * numbers[VX, i]
+    y = numbers[PY, i] + lift * numbers[GY, i] + a * numbers[UY, i] + b * numbers[VY, i]
+    z = numbers[PZ, i] + lift * numbers[GZ, i] + a * numbers[UZ, i] + b * numbers[VZ, i]
+    return x, y, z
+
+
+def spots_on(position: Array, u: Array, v: Array) -> Array:
+    """(spots, n, 3) float32: all spots of n elements with middles and sides, (n, 3) each, on the surface."""
+    a, b = (np.array(at, np.float32)[:, None, None] for at in zip(*(_spot(k) for k in range(SPOTS)), strict=True))
+    return np.asarray(position + a * u + b * v, np.float32)
+
+
+@jit.parallel_kernel
+def _find_free(queue, scene, charts, chart, numbers):
+    scene, charts, chart, numbers = jit.borrow(scene), jit.borrow(charts), jit.borrow(chart), jit.borrow(numbers)
+    chunk = jit.take(queue)
+    while chunk * _CHUNK < numbers.shape[1]:
+        for i in range(chunk * _CHUNK, min(numbers.shape[1], (chunk + 1) * _CHUNK)):
+            mx, my, mz = point_of(numbers, i, SPOTS, LIFT)
+            free, hidden = 0, 0
+            for k in range(SPOTS):
+                x, y, z = point_of(numbers, i, k, LIFT)
+                met, _, _ = nearest(scene, np.float64(mx), np.float64(my), np.float64(mz), np.float64(x - mx), np.float64(y - my), np.float64(z - mz))
+                if met < 0:
+                    free |= 1 << k
+                elif charts[met] != chart[i]:
+                    hidden += 1
+            numbers[FREE, i] = free
+            numbers[AREA, i] *= np.float32(max(SPOTS - hidden, 1)) / np.float32(SPOTS)
+        chunk = jit.take(queue)
+
+
+def find_free(scene: Occlusion, charts: Array, chart: Array, numbers: Array, threads: int) -> None:
+    """Fill the row FREE of elements, and take from their areas what is inside something that stands on them.
+
+    A spot is free if the middle sees it. If a triangle of the element's own chart is between them, the surface only bends: then the spot is not
+    free, as it is behind the surface, but nothing of the area is lost.
+
+    Args:
+        scene: All triangles; `charts` (m,) int32 of each.
+        chart: (n,) int32: of each element.
+        numbers: (17, n) float32, changed.
+    """
+    jit.run(_find_free, threads, scene, charts, chart, numbers)
