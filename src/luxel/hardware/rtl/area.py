@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from amaranth import signed
+from amaranth import Mux, signed
 
 from luxel.hardware.formats import FLOAT32
 from luxel.hardware.rtl.floats import FromInteger
@@ -37,9 +37,9 @@ class Area(Operator):
         left = product(p, less("x2", "x0"), less("y1", "y0"))
         right = product(p, less("x1", "x0"), less("y2", "y0"))
         width = 2 * self.bits + 1
-        both = p.step("difference", lambda l, r: (l - r)[:width].as_signed(), left, right)
-        flipped = p.step("flipped", lambda d: d[-1], both)
-        area = p.step("area", lambda d: ((d ^ d[-1].replicate(width)) + d[-1])[: width - 1], both)
+        plain, opposite = p.step("plain opposite", lambda l, r: ((l - r)[:width].as_signed(), (r - l)[: width - 1]), left, right)
+        flipped = p.step("flipped", lambda d: d[-1], plain)
+        area = p.step("area", lambda d, o: Mux(d[-1], o, d[: width - 1]), plain, opposite)
         return {"area": area, "flipped": flipped}
 
 

@@ -93,7 +93,8 @@ def _compile(text: str, driver: str, path: Path) -> None:
         (folder / "circuit.il").write_text(text)
         tools.yosys("read_rtlil circuit.il\nhierarchy -top interpolator\nproc -noopt\nflatten\nopt_clean\nwrite_cxxrtl circuit.cc\n", folder)
         (folder / "main.cc").write_text(driver)
-        tools.run("c++", ["-std=c++17", "-O1", "-I", str(tools.share() / "include" / "backends" / "cxxrtl" / "runtime"), "main.cc", "-o", "program"], folder)
+        runtime = tools.share() / "include" / "backends" / "cxxrtl" / "runtime"
+        tools.run("c++", ["-std=c++17", "-O1", "-I", str(runtime), "main.cc", "-o", "program"], folder)
         partial = path.with_name(f"{path.name}-{os.getpid()}")
         shutil.move(folder / "program", partial)
         partial.replace(path)

@@ -34,12 +34,15 @@ def rounded(p: Pipeline, f: Format, sign: Timed, exponent: Timed, kept: Timed, g
     up = p.step("up", lambda k, g, r: g & (r | k[0]), kept, guard, rest)
     together = p.step("rounded", lambda k, e, u: (Cat(k[: f.fraction], e).as_signed() + u)[: f.fraction + len(e)].as_signed(), kept, exponent, up)
 
-    def packed(number, sign, zero):
-        exponent = number.shift_right(f.fraction)
-        word = Mux(exponent > f.highest, C(f.largest, f.bits - 1), number[: f.bits - 1])
-        return Mux(zero | (exponent < 1), 0, Cat(word, sign))
+    # Whether the exponent is too high or too low, as it is and if rounding makes it one more: which of both it was is seen by its last bit.
+    high, higher, low, lower, odd = p.step("high higher low lower odd", lambda e: (e > f.highest, e >= f.highest, e < 1, e < 0, e[0]), exponent)
 
-    return p.step("word", packed, together, sign, zero)
+    def packed(number, sign, zero, high, higher, low, lower, odd):
+        more = number[f.fraction] ^ odd
+        word = Mux(Mux(more, higher, high), C(f.largest, f.bits - 1), number[: f.bits - 1])
+        return Mux(zero | Mux(more, lower, low), 0, Cat(word, sign))
+
+    return p.step("word", packed, together, sign, zero, high, higher, low, lower, odd)
 
 
 class Multiply(Operator):

@@ -162,6 +162,17 @@ class Operator:
         return m
 
 
+class Copy(Operator):
+    """One bit, a clock later: for values that are needed far and wide. A module, as `Go` is."""
+
+    def __init__(self) -> None:
+        super().__init__("copy", {"v": 1})
+
+    def build(self, p: Pipeline, v: Timed) -> dict[str, Timed]:
+        """Latency 1."""
+        return {"copy": p.step("copied", lambda v: v, v)}
+
+
 class Go(Operator):
     """A copy of `go`: a module, so that synthesis does not make one of all of them."""
 

@@ -19,7 +19,7 @@ from amaranth.lib.wiring import In, Out
 from luxel.hardware.rtl.floats import chosen
 from luxel.hardware.rtl.pipeline import Pipeline, Timed
 from luxel.hardware.rtl.setup import BLOCK_LOG2, Sizes
-from luxel.hardware.rtl.streams import Fifo, valid_line
+from luxel.hardware.rtl.streams import Early, Fifo, valid_line
 from luxel.hardware.scan import BLOCK
 
 EDGES = range(3)
@@ -73,10 +73,10 @@ class Walk:
     def __init__(self, m: Module, p: Pipeline, i: Any, single: Value, ends: Value) -> None:
         self.p, self.go = p, p.near()
         self.load, self.busy, self.load_next = Signal(init=1, name="load"), Signal(name="busy"), Signal(name="load_next")
-        fetch = self.fetch()
-        m.d.comb += [self.load_next.eq(Mux(self.go, Mux(self.load, ~i.valid | single, ends), self.load)), i.ready.eq(fetch)]
+        m.d.comb += self.load_next.eq(Mux(self.go, Mux(self.load, ~i.valid | single, ends), self.load))
+        m.d.comb += i.ready_next.eq(p.go_next & self.load_next)
         m.d.sync += self.load.eq(self.load_next)
-        with m.If(fetch):
+        with m.If(self.fetch()):
             m.d.sync += self.busy.eq(i.valid)
 
     def fetch(self) -> Signal:
@@ -97,12 +97,12 @@ class Blocks(wiring.Component):
 
     def __init__(self, sizes: Sizes) -> None:
         self.sizes = sizes
-        super().__init__({"i": In(stream.Signature(sizes.triangle())), "o": Out(stream.Signature(block_layout(sizes)))})
+        super().__init__({"i": In(Early(sizes.triangle())), "o": Out(Early(block_layout(sizes)))})
 
     def elaborate(self, platform: Any) -> Module:
         """Amaranth's."""
         m = Module()
-        m.submodules.fifo = fifo = Fifo(self.o.payload.shape())
+        m.submodules.fifo = fifo = Fifo(self.o.payload.shape(), early=True)
         p = Pipeline(fifo.room)
         state = self._walk(m, p)
         tested, touched = self._test(p, state)
@@ -120,31 +120,32 @@ class Blocks(wiring.Component):
         triangle = Signal(s.triangle(), name="triangle", reset_less=True)  # e is of this block, below of the next row's first
         across = s.pixel - BLOCK_LOG2
         x, y, columns, rows = (Signal(across, name=name, reset_less=True) for name in ("x", "y", "columns", "rows"))
-        top, right, bottom, nearly_right, nearly_bottom = (
-            Signal(name=name, reset_less=True) for name in ("top", "right", "bottom", "nearly_right", "nearly_bottom")
+        top, right, bottom, nearly, nearly_right, nearly_bottom = (  # `nearly`: the last but one
+            Signal(name=name, reset_less=True) for name in ("top", "right", "bottom", "nearly", "nearly_right", "nearly_bottom")
         )
-        ends = Mux(right, triangle.one_x & nearly_bottom, nearly_right & bottom)
-        walk = Walk(m, p, self.i, new.one_x & new.one_y, ends)
+        walk = Walk(m, p, self.i, new.one, nearly)
         steps = [f"{name}{i}" for name in ("e", "below") for i in EDGES]
         walk.fetched([(triangle[key], new[key]) for key in s.triangle().members if key not in steps])
-        right_next = Mux(walk.load, new.one_x, Mux(right, triangle.one_x, nearly_right))
-        turn_next = p.go_next & (Mux(walk.go, right_next, right) | walk.load_next)
+        right_then, nearly_right_then = Mux(right, triangle.one_x, nearly_right), Mux(right, triangle.two_x, columns == 2)
+        bottom_then, nearly_bottom_then = Mux(right, nearly_bottom, bottom), Mux(right, rows == 2, nearly_bottom)
+        turn_next = p.go_next & (Mux(walk.go, Mux(walk.load, new.one_x, right_then), right) | walk.load_next)
         for i in EDGES:
             e, below = triangle[f"e{i}"], triangle[f"below{i}"]
             further = (e + triangle[f"a{i}"].shift_left(BLOCK_LOG2))[: len(e)].as_signed()
             walk.stepped(e, new[f"e{i}"], Mux(right, below, further))
             lower = (below + triangle[f"b{i}"].shift_left(BLOCK_LOG2))[: len(e)].as_signed()
             p.state([(below, Mux(walk.fetch(), new[f"below{i}"], lower))], turn_next)
-        with m.If(walk.go):
-            m.d.sync += right.eq(right_next)
-            with m.If(walk.load):
-                m.d.sync += [x.eq(new.first_x[BLOCK_LOG2:]), columns.eq(new.more_x), nearly_right.eq(new.two_x), top.eq(1)]
-                m.d.sync += [y.eq(new.first_y[BLOCK_LOG2:]), rows.eq(new.more_y), nearly_bottom.eq(new.two_y), bottom.eq(new.one_y)]
-            with m.Elif(right):
-                m.d.sync += [x.eq(triangle.first_x[BLOCK_LOG2:]), columns.eq(triangle.more_x), nearly_right.eq(triangle.two_x), top.eq(0)]
-                m.d.sync += [y.eq(y + 1), rows.eq(rows - 1), nearly_bottom.eq(rows == 2), bottom.eq(nearly_bottom)]
-            with m.Else():
-                m.d.sync += [x.eq(x + 1), columns.eq(columns - 1), nearly_right.eq(columns == 2)]
+        with m.If(walk.go & walk.load):
+            m.d.sync += [x.eq(new.first_x[BLOCK_LOG2:]), columns.eq(new.more_x), right.eq(new.one_x), nearly_right.eq(new.two_x), top.eq(1)]
+            m.d.sync += [y.eq(new.first_y[BLOCK_LOG2:]), rows.eq(new.more_y), bottom.eq(new.one_y), nearly_bottom.eq(new.two_y)]
+            m.d.sync += nearly.eq(new.two)
+        with m.Elif(walk.go):
+            m.d.sync += [right.eq(right_then), nearly_right.eq(nearly_right_then), bottom.eq(bottom_then), nearly_bottom.eq(nearly_bottom_then)]
+            m.d.sync += nearly.eq(Mux(right_then, triangle.one_x & nearly_bottom_then, nearly_right_then & bottom_then))
+            m.d.sync += [x.eq(x + 1), columns.eq(columns - 1)]
+            with m.If(right):
+                m.d.sync += [x.eq(triangle.first_x[BLOCK_LOG2:]), columns.eq(triangle.more_x), top.eq(0)]
+                m.d.sync += [y.eq(y + 1), rows.eq(rows - 1)]
         shown = {"x": x, "y": y, "right": right, "bottom": bottom, "top": top, "busy": walk.busy}
         left = Signal(name="left")
         m.d.comb += left.eq(x == triangle.first_x[BLOCK_LOG2:])
@@ -182,12 +183,12 @@ class Rows(wiring.Component):
 
     def __init__(self, sizes: Sizes) -> None:
         self.sizes = sizes
-        super().__init__({"i": In(stream.Signature(block_layout(sizes))), "o": Out(stream.Signature(row_layout(sizes)))})
+        super().__init__({"i": In(Early(block_layout(sizes))), "o": Out(Early(row_layout(sizes)))})
 
     def elaborate(self, platform: Any) -> Module:
         """Amaranth's."""
         m = Module()
-        m.submodules.fifo = fifo = Fifo(self.o.payload.shape(), _AHEAD)
+        m.submodules.fifo = fifo = Fifo(self.o.payload.shape(), _AHEAD, early=True)
         p = Pipeline(fifo.room)
         state, valid = self._walk(m, p)
         found = self._cover(p, state)
@@ -300,7 +301,7 @@ class Scan(wiring.Component):
 
     def __init__(self, sizes: Sizes) -> None:
         self.sizes = sizes
-        super().__init__({"i": In(stream.Signature(sizes.triangle())), "o": Out(stream.Signature(fragment_layout(sizes)))})
+        super().__init__({"i": In(Early(sizes.triangle())), "o": Out(stream.Signature(fragment_layout(sizes)))})
 
     def elaborate(self, platform: Any) -> Module:
         """Amaranth's."""
@@ -320,7 +321,7 @@ def connected(m: Module, sizes: Sizes, triangles: Any) -> Any:
     """The stream of rows of a stream of triangles."""
     m.submodules.blocks = blocks = Blocks(sizes)
     m.submodules.rows = rows = Rows(sizes)
-    m.d.comb += [blocks.i.payload.eq(triangles.payload), blocks.i.valid.eq(triangles.valid), triangles.ready.eq(blocks.i.ready)]
+    m.d.comb += [blocks.i.payload.eq(triangles.payload), blocks.i.valid.eq(triangles.valid), triangles.ready_next.eq(blocks.i.ready_next)]
     wiring.connect(m, blocks.o, rows.i)
     return rows.o
 

@@ -14,7 +14,7 @@ from amaranth.lib import data
 
 from luxel.hardware.rtl.area import CORNERS, Area, corner_shapes
 from luxel.hardware.rtl.floats import chosen
-from luxel.hardware.rtl.pipeline import Operator, Pipeline, Timed
+from luxel.hardware.rtl.pipeline import Copy, Operator, Pipeline, Timed
 from luxel.hardware.rtl.product import product
 from luxel.hardware.scan import BLOCK, CENTRE
 from luxel.raster.constants import SUBPIXEL_LOG2
@@ -41,11 +41,12 @@ class Sizes:
         fraction, under: Of edges 1 and 2, see above.
         first_x, last_x, first_y, last_y: Pixels of the bounding box. empty: There is nothing in it.
         more_x, more_y: How many blocks follow the first, across and down. one_x, one_y: Whether none does; two_x, two_y: whether one does.
+        one, two: Whether there is one block, or two.
         """
         edges = {f"{name}{i}": shape for i in range(3) for name, shape in self.edge_fields().items()}
         pixels = {name: unsigned(self.pixel) for name in ("first_x", "last_x", "first_y", "last_y")}
         blocks = {name: unsigned(self.pixel - BLOCK_LOG2) for name in ("more_x", "more_y")}
-        flags = dict.fromkeys(("one_x", "one_y", "two_x", "two_y", "empty"), 1)
+        flags = dict.fromkeys(("one_x", "one_y", "two_x", "two_y", "one", "two", "empty"), 1)
         return data.StructLayout(edges | self.kept() | pixels | blocks | flags)
 
     def edge_fields(self) -> dict[str, Any]:
@@ -80,7 +81,9 @@ class SetUp(Operator):
         e = self._edges(p, x, y, first_x, first_y, area, flipped)
         made: dict[str, Timed] = {}
         for i, (edge, (a, b)) in enumerate(zip(e, steps)):
-            inclusive = p.step(f"inclusive{i}", lambda a, b: ~a[-1] & (a.any() | (~b[-1] & b.any())), a, b)
+            some = [p.step(f"some_{name}{i}", lambda v: ~v[-1] & v.any(), v) for name, v in (("a", a), ("b", b))]
+            level = p.step(f"level{i}", lambda a: ~a.any(), a)
+            inclusive = p.step(f"inclusive{i}", lambda a, b, level: a | (b & level), *some, level)
             under = p.step(f"under{i}", lambda e, inclusive: ~inclusive & ~e[:SUBPIXEL_LOG2].any(), edge, inclusive)
             start = p.step(f"e{i}", lambda e, u: (e[SUBPIXEL_LOG2:].as_signed() - u)[: len(e) - SUBPIXEL_LOG2].as_signed(), edge, under)
             below = p.step(f"below{i}", lambda e, b: (e + b.shift_left(BLOCK_LOG2))[: len(e)].as_signed(), start, b)
@@ -94,6 +97,8 @@ class SetUp(Operator):
             box[f"more_{axis}"] = more = self._more(p, axis, first, last, empty)
             for name, count in (("one", 0), ("two", 1)):
                 box[f"{name}_{axis}"] = p.step(f"{name}_{axis}", lambda v, count=count: v == count, more)
+        box["one"] = p.step("one", lambda x, y: x & y, box["one_x"], box["one_y"])
+        box["two"] = p.step("two", lambda x, y, xx, yy: (x & yy) | (xx & y), *(box[name] for name in ("one_x", "one_y", "two_x", "two_y")))
         self.early = area
         return made | box | {"empty": empty, "area": area}
 
@@ -128,10 +133,10 @@ class SetUp(Operator):
         """a and b of the three edges, turned to be at least 0 inside."""
         found = []
         for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-            pair = []
+            pair, turn = [], p.call(Copy(), v=flipped)
             for name, of, minus in (("a", y[k], y[j]), ("b", x[j], x[k])):
                 plain = p.step(f"{name}{i}_plain", lambda u, v: u - v, of, minus)
-                pair.append(p.step(f"{name}{i}", lambda d, f: turned(d, f), plain, flipped))
+                pair.append(p.step(f"{name}{i}", lambda d, f: turned(d, f), plain, turn))
             found.append((pair[0], pair[1]))
         return found
 
@@ -149,7 +154,9 @@ class SetUp(Operator):
             a = p.step(f"a{i}_plain", lambda u, v: u - v, y[k], y[j])
             b = p.step(f"b{i}_plain", lambda u, v: u - v, x[j], x[k])
             plain = p.step(f"e{i}_plain", lambda u, v: (u + v)[:width].as_signed(), product(p, a, dx), product(p, b, dy))
-            found.append(p.step(f"e{i}_turned", lambda e, f: turned(e, f), plain, flipped))
+            before = plain.time - 1
+            turn = p.call(Copy(), v=Timed(p.at(flipped, before), before))
+            found.append(p.step(f"e{i}_turned", lambda e, f: turned(e, f), plain, turn))
         both = p.step("e12", lambda u, v: (u + v)[: width + 1].as_signed(), *found)
         third = p.step("e0_turned", lambda area, both: (area - both)[:width].as_signed(), area, both)
         return [third, *found]

@@ -20,6 +20,13 @@ _LANE = 72
 """Bits of a FIFO that share addresses."""
 
 
+class Early(wiring.Signature):
+    """A stream whose receiver says a clock before whether it will take what then is there. So every part of the sender has a register of that."""
+
+    def __init__(self, shape: Any) -> None:
+        super().__init__({"payload": Out(shape), "valid": Out(1), "ready_next": In(1)})
+
+
 class Fifo(wiring.Component):
     """First in, first out, with a register at its end.
 
@@ -29,6 +36,7 @@ class Fifo(wiring.Component):
     Args:
         shape: Of the payloads.
         depth: How many are kept, the one at the end among them.
+        early: The stream out is an `Early` one.
         late: Pushes that may come after the level at which `room` falls: it is a register, so is `go`, and so is what is pushed. With
             depth > 2 late, what reads can go on on every clock.
 
@@ -38,11 +46,11 @@ class Fifo(wiring.Component):
         o: Stream out.
     """
 
-    def __init__(self, shape: Any, depth: int = 9, late: int = 4) -> None:
+    def __init__(self, shape: Any, depth: int = 9, late: int = 4, early: bool = False) -> None:
         if depth <= 2 * late:
             raise InputError(f"depth: expected at least {2 * late + 1}, got {depth}")
-        self.shape, self.depth, self.late = shape, depth, late
-        super().__init__({"push": In(1), "data": In(shape), "room": Out(1), "o": Out(stream.Signature(shape))})
+        self.shape, self.depth, self.late, self.early = shape, depth, late, early
+        super().__init__({"push": In(1), "data": In(shape), "room": Out(1), "o": Out(Early(shape) if early else stream.Signature(shape))})
 
     def elaborate(self, platform: Any) -> Module:
         """Amaranth's."""
@@ -50,9 +58,9 @@ class Fifo(wiring.Component):
         data, payload = Value.cast(self.data), Value.cast(self.o.payload)
         lanes = []
         for k, low in enumerate(range(0, len(data), _LANE)):
-            m.submodules[f"lane{k}"] = lane = Lane(len(data[low : low + _LANE]), self.depth)
-            m.d.comb += [lane.push.eq(self.push), lane.data.eq(data[low : low + _LANE]), lane.ready.eq(self.o.ready)]
-            m.d.comb += payload[low : low + _LANE].eq(lane.payload)
+            m.submodules[f"lane{k}"] = lane = Lane(len(data[low : low + _LANE]), self.depth, self.early)
+            m.d.comb += [lane.push.eq(self.push), lane.data.eq(data[low : low + _LANE]), payload[low : low + _LANE].eq(lane.payload)]
+            m.d.comb += lane.ready.eq(self.o.ready_next if self.early else self.o.ready)
             lanes.append(lane)
         m.d.comb += self.o.valid.eq(lanes[0].valid)
         m.d.sync += self.room.eq(lanes[0].level <= self.depth - self.late)
@@ -64,12 +72,12 @@ class Lane(wiring.Component):
 
     Attributes:
         push, data: As the FIFO's.
-        payload, valid, ready: Its output.
+        payload, valid, ready: Its output; `ready` is a clock early if `early`.
         level: How many there are.
     """
 
-    def __init__(self, width: int, depth: int) -> None:
-        self.width, self.depth = width, depth
+    def __init__(self, width: int, depth: int, early: bool) -> None:
+        self.width, self.depth, self.early = width, depth, early
         ports = {"push": In(1), "data": In(width), "payload": Out(width), "valid": Out(1), "ready": In(1)}
         super().__init__(ports | {"level": Out(range(depth + 1))})
 
@@ -80,9 +88,10 @@ class Lane(wiring.Component):
         write, read = memory.write_port(), memory.read_port(domain="comb")
         now, following = Signal.like(read.addr), Signal.like(read.addr, init=1)
         data, payload = Signal(self.width, name="data_in", reset_less=True), Signal(self.width, name="data_out", reset_less=True)
-        take = Signal()
+        take, ready = Signal(), Signal()
+        m.d["sync" if self.early else "comb"] += ready.eq(self.ready)
         m.d.comb += [
-            take.eq(self.valid & self.ready),
+            take.eq(self.valid & ready),
             write.data.eq(data),
             read.addr.eq(Mux(take, following, now)),
             self.payload.eq(payload),

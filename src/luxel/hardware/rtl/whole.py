@@ -20,7 +20,7 @@ from luxel.hardware.rtl.pipeline import Pipeline, Timed
 from luxel.hardware.rtl.reciprocal import Inverse
 from luxel.hardware.rtl.scan import Fragments, Scan, connected, fragment_layout
 from luxel.hardware.rtl.setup import SetUp, Sizes
-from luxel.hardware.rtl.streams import Fifo, valid_line
+from luxel.hardware.rtl.streams import Early, Fifo, valid_line
 
 COORDINATE_BITS = 21
 """Corners from -4096 to 4096 pixels, so pictures of up to 4096 x 4096."""
@@ -40,7 +40,7 @@ class TriangleSetUp(wiring.Component):
         super().__init__(
             {
                 "i": In(stream.Signature(corners)),
-                "o": Out(stream.Signature(sizes.triangle())),
+                "o": Out(Early(sizes.triangle())),
                 "right": In(sizes.pixel),
                 "bottom": In(sizes.pixel),
                 "area": Out(sizes.area),
@@ -51,7 +51,7 @@ class TriangleSetUp(wiring.Component):
     def elaborate(self, platform: Any) -> Module:
         """Amaranth's."""
         m = Module()
-        m.submodules.fifo = fifo = Fifo(self.sizes.triangle())
+        m.submodules.fifo = fifo = Fifo(self.sizes.triangle(), early=True)
         p = Pipeline(fifo.room)
         corners = {key: Timed(self.i.payload[key], 0) for key in self.i.payload.shape().members}
         out = p.call(self.operator, **corners, right=Timed(self.right, 0), bottom=Timed(self.bottom, 0))
@@ -120,10 +120,12 @@ class Interpolator(wiring.Component):
         """Amaranth's."""
         m = Module()
         m.submodules.set_up = self.set_up
-        m.submodules.waiting = waiting = Fifo(self.colors, self.triangles // 2)
-        m.submodules.colors = colors = Fifo(self.colors, self.triangles // 2)
-        m.d.comb += [waiting.o.ready.eq(colors.room), colors.push.eq(waiting.o.valid & colors.room), colors.data.eq(waiting.o.payload)]
-        m.submodules.inverses = inverses = Fifo(self.precision.reciprocal_format.bits, self.triangles)
+        m.submodules.waiting = waiting = Fifo(self.colors, self.triangles // 2, early=True)
+        m.submodules.colors = colors = Fifo(self.colors, self.triangles // 2, 5, early=True)
+        m.submodules.inverses = inverses = Fifo(self.precision.reciprocal_format.bits, self.triangles, early=True)
+        move = Signal()
+        m.d.sync += move.eq(colors.room)
+        m.d.comb += [waiting.o.ready_next.eq(colors.room), colors.push.eq(waiting.o.valid & move), colors.data.eq(waiting.o.payload)]
         self._take(m, waiting)
         self._invert(m, inverses)
         self._shade(m, connected(m, self.sizes, self.set_up.o), colors, inverses)
@@ -167,7 +169,7 @@ class Interpolator(wiring.Component):
         valid = valid_line(m, busy, p.go, end)
         for waiting, when in ((inverses, 1), (colors, time)):
             ends = [valid[t] & p.at(place["last"], t) for t in (when - 1, when)]
-            m.d.sync += waiting.o.ready.eq(p.go_next & Mux(p.go, *ends))  # so it is one of the last fragment on the clock that comes, and that goes
+            m.d.comb += waiting.o.ready_next.eq(p.go_next & Mux(p.go, *ends))  # on the clock that comes it is there, and goes
         m.d.comb += fifo.push.eq(p.go & valid[end] & p.at(place["drawn"], end))
         m.d.comb += [fifo.data[key].eq(p.at(place[key], end)) for key in ("x", "y", "last")]
         m.d.comb += [fifo.data[key].eq(timed.value) for key, timed in zip(CHANNELS, out)]
