@@ -34,7 +34,8 @@ from luxel.errors import InputError
 
 __all__ = [
     "DISABLED", "array_data", "available_threads", "borrow", "cache_folder", "cgutils", "checked_threads", "compiled", "count_bits", "device",
-    "digest", "floor", "inlined", "intrinsic", "ir", "kernel", "lowest_bit", "on_compile", "parallel_kernel", "part", "prefetch", "run", "take", "types",
+    "digest", "floor", "inlined", "intrinsic", "ir", "kernel", "lowest_bit", "on_compile", "parallel_kernel", "part", "prefetch", "run", "take",
+    "types",
 ]  # fmt: skip
 
 def _skip_blas_probe() -> None:

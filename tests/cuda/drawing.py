@@ -47,7 +47,8 @@ def textured(seed, kinds=(0, 1, 2, 3), count=20):
     lamp[:3, 3] = 1, 3, 2
     lights = [luxel.Light("point", intensity=20.0, world_from_light=lamp), luxel.Light("directional"), luxel.Light("spot", world_from_light=lamp)]
     meshes = [soup(rng, count, kind) for kind in kinds]
-    return luxel.Scene(meshes=meshes, instances=[luxel.Instance(i) for i in range(len(meshes))], materials=materials(), textures=textures, lights=lights)
+    instances = [luxel.Instance(i) for i in range(len(meshes))]
+    return luxel.Scene(meshes=meshes, instances=instances, materials=materials(), textures=textures, lights=lights)
 
 
 def plain(seed, count=60, size=1.5):

@@ -21,7 +21,7 @@ _JIT = SimpleNamespace(
     DISABLED=True, device=jit.part, part=jit.part, inlined=jit.part, kernel=_nothing, parallel_kernel=_nothing,
     **{name: getattr(jit, name) for name in _BITS},
 )  # fmt: skip
-again = Again({"luxel.jit": _JIT}, jit.part).load
+again = Again("loops", {"luxel.jit": _JIT}, jit.part).load
 _draw, _shade, _views = (again(module.__name__) for module in (draw_source, shade_source, views_source))
 _project_vertex, _count_pieces, _write_pieces = _views.project_vertex, _views.count_pieces, _views.write_pieces
 _draw_triangle, _draw_piece, _draw_item = _draw.draw_triangle, _draw.draw_piece, _draw.draw_item

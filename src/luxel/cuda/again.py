@@ -11,6 +11,7 @@ from __future__ import annotations
 import builtins
 import importlib
 import importlib.util
+import sys
 import types
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -24,11 +25,13 @@ class Again:
     """Modules of `luxel.raster` and `luxel.cuda.threads`, executed again.
 
     Args:
+        machine: Its name, which the modules' names end with.
         stands_for: What is imported in place of these modules, by name: at least `luxel.jit`.
         decorate: Applied to the functions of modules that are undecorated where Numba is switched off.
     """
 
-    def __init__(self, stands_for: Mapping[str, Any], decorate: Callable[..., Any]) -> None:
+    def __init__(self, machine: str, stands_for: Mapping[str, Any], decorate: Callable[..., Any]) -> None:
+        self._machine = machine
         self._modules: dict[str, Any] = {"luxel.raster.batch": _SINGLE, **stands_for}
         self._decorate = decorate
         self._builtins = {**vars(builtins), "__import__": self._import}
@@ -39,9 +42,9 @@ class Again:
             spec = importlib.util.find_spec(name)
             assert spec is not None
             assert spec.origin is not None
-            module = types.ModuleType(f"{name} again")
+            module = types.ModuleType(f"{name} for {self._machine}")
             module.__dict__.update(__builtins__=self._builtins, __file__=spec.origin)
-            self._modules[name] = module
+            self._modules[name] = sys.modules[module.__name__] = module  # Numba's caches find it by name
             with open(spec.origin, encoding="utf-8") as file:
                 exec(compile(file.read(), spec.origin, "exec", dont_inherit=True), module.__dict__)
             for key, value in list(vars(module).items()):

@@ -77,5 +77,5 @@ _JIT = SimpleNamespace(
 )  # fmt: skip
 _MACHINE = SimpleNamespace(keep_least=keep_least, keep_most=keep_most, add=add)
 
-again = Again({"luxel.jit": _JIT, "luxel.cuda.machine": _MACHINE}, function).load
+again = Again("cuda", {"luxel.jit": _JIT, "luxel.cuda.machine": _MACHINE}, function).load
 """A module of `luxel.raster` or `luxel.cuda.threads`, for the GPU."""
