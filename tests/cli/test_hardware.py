@@ -65,6 +65,24 @@ def test_verilog_refuses_what_is_no_folder(tmp_path, monkeypatch, capsys, idle):
 @pytest.mark.parametrize(
     ("options", "said"),
     [
+        ("-o out.xyz", "--output: expected a file name that ends in one of .png, .jpg, .jpeg, .exr, .npz, got 'out.xyz'"),
+        ("-o none/out.png", "none/out.png: cannot write: there is no folder 'none'"),
+        ("-o out.png --size 20x", "--size: expected WIDTHxHEIGHT in pixels, such as 1280x720, got '20x'"),
+        ("-o out.png --size 5000x20", "size: expected at most 4096 pixels a side, got 5000 x 20"),
+        ("-o out.png --simulator cx", "simulator: expected auto, cxx, amaranth; got cx"),
+        ("-o out.png none.ply", "unexpected extra argument"),
+    ],
+)
+def test_render_refuses(tmp_path, monkeypatch, capsys, idle, options, said):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "one.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    assert said in error_of(capsys, f"render one.obj {options}")
+    assert [path.name for path in tmp_path.iterdir()] == ["one.obj"]
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
         ("--module colour", "module: expected one of area, reciprocal, scan, barycentrics, color, whole; got colour"),
         ("--seeds 0", "--seeds: expected a whole number of at least 1, got '0'"),
         ("--seeds many", "--seeds: expected a whole number of at least 1, got 'many'"),

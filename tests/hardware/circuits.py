@@ -76,7 +76,8 @@ def mapped(design, folder):
     """What Yosys makes of it for an ECP5, by Yosys' models of LUTs, carries, flip-flops and memories."""
     ecp5.synthesise(design, folder)
     models = "read_verilog -overwrite -DNO_INCLUDES +/lattice/cells_sim_ecp5.v"
-    tools.yosys(f"read_json mapped.json\ndelete =$paramod*\n{models}\nhierarchy -top {design.top}\nproc\nflatten -wb\nclean\nwrite_verilog -noattr mapped.v\n", folder)
+    plain = f"hierarchy -top {design.top}\nproc\nflatten -wb\nclean\nwrite_verilog -noattr mapped.v\n"
+    tools.yosys(f"read_json mapped.json\ndelete =$paramod*\n{models}\n{plain}", folder)
     (folder / "dsp.v").write_text(DSP)
     return ["dsp.v", "mapped.v"]
 
@@ -138,22 +139,23 @@ module bench;
 endmodule
 """
 
+def _listed(name, count):
+    return ", ".join(f"{name}{k}" for k in reversed(range(count)))
+
+
 DSP = """// The parts of a MULT18X18D that the circuit uses, after Lattice's technical note on the ECP5's sysDSP.
-module MULT18X18D(%(ports)s, input SIGNEDA, SIGNEDB, SOURCEA, SOURCEB, CLK0, CE0, RST0);
+module MULT18X18D(input @A@, input @B@, output @P@, input SIGNEDA, SIGNEDB, SOURCEA, SOURCEB, CLK0, CE0, RST0);
   parameter REG_INPUTA_CLK = "NONE", REG_INPUTA_CE = "CE0", REG_INPUTA_RST = "RST0";
   parameter REG_INPUTB_CLK = "NONE", REG_INPUTB_CE = "CE0", REG_INPUTB_RST = "RST0";
   parameter REG_PIPELINE_CLK = "NONE", REG_PIPELINE_CE = "CE0", REG_PIPELINE_RST = "RST0";
   parameter REG_OUTPUT_CLK = "NONE", REG_OUTPUT_CE = "CE0", REG_OUTPUT_RST = "RST0";
-  wire [17:0] a = {%(a)s}, b = {%(b)s};
+  wire [17:0] a = {@A@}, b = {@B@};
   reg [17:0] a_in, b_in;
   reg [35:0] pipeline, p;
   wire [17:0] a_now = REG_INPUTA_CLK == "CLK0" ? a_in : a, b_now = REG_INPUTB_CLK == "CLK0" ? b_in : b;
   wire [35:0] product = {{18{SIGNEDA & a_now[17]}}, a_now} * {{18{SIGNEDB & b_now[17]}}, b_now};
   wire [35:0] product_now = REG_PIPELINE_CLK == "CLK0" ? pipeline : product;
   always @(posedge CLK0) if (CE0) begin a_in <= a; b_in <= b; pipeline <= product; p <= product_now; end
-  assign {%(p)s} = REG_OUTPUT_CLK == "CLK0" ? p : product_now;
+  assign {@P@} = REG_OUTPUT_CLK == "CLK0" ? p : product_now;
 endmodule
-""" % {
-    "ports": ", ".join(f"{'output' if name == 'P' else 'input'} {name}{k}" for name, n in (("A", 18), ("B", 18), ("P", 36)) for k in range(n)),
-    **{name.lower(): ", ".join(f"{name}{k}" for k in reversed(range(n))) for name, n in (("A", 18), ("B", 18), ("P", 36))},
-}
+""".replace("@A@", _listed("A", 18)).replace("@B@", _listed("B", 18)).replace("@P@", _listed("P", 36))

@@ -46,10 +46,12 @@ def render(
     import time
 
     from luxel import load
+    from luxel.cli.drawing import EXTENSIONS
     from luxel.hardware.rtl import draw
 
     console = Console(quiet, as_json)
     width, height = values.size(size)
+    values.output(output, EXTENSIONS)
     using = draw.simulator(simulator)
     start = time.perf_counter()
     picture, found = draw.render(load(scene), size=(width, height), using=using)

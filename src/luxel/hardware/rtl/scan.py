@@ -318,10 +318,16 @@ class Scan(wiring.Component):
 
 
 def connected(m: Module, sizes: Sizes, triangles: Any) -> Any:
-    """The stream of rows of a stream of triangles."""
+    """The stream of rows of a stream of triangles.
+
+    A triangle is a thousand bits wide, and comes from far: the sender hears that it is taken a clock after, and has the next one two clocks after.
+    """
     m.submodules.blocks = blocks = Blocks(sizes)
     m.submodules.rows = rows = Rows(sizes)
-    m.d.comb += [blocks.i.payload.eq(triangles.payload), blocks.i.valid.eq(triangles.valid), triangles.ready_next.eq(blocks.i.ready_next)]
+    ready, taken, gone = Signal(), Signal(), Signal()
+    m.d.comb += [blocks.i.payload.eq(triangles.payload), blocks.i.valid.eq(triangles.valid & ~gone)]
+    m.d.comb += [taken.eq(ready & blocks.i.valid), triangles.ready_next.eq(taken)]
+    m.d.sync += [ready.eq(blocks.i.ready_next), gone.eq(taken)]
     wiring.connect(m, blocks.o, rows.i)
     return rows.o
 

@@ -133,10 +133,11 @@ class SetUp(Operator):
         """a and b of the three edges, turned to be at least 0 inside."""
         found = []
         for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-            pair, turn = [], p.call(Copy(), v=flipped)
+            turn, pair = p.call(Copy(), v=flipped), []
             for name, of, minus in (("a", y[k], y[j]), ("b", x[j], x[k])):
-                plain = p.step(f"{name}{i}_plain", lambda u, v: u - v, of, minus)
-                pair.append(p.step(f"{name}{i}", lambda d, f: turned(d, f), plain, turn))
+                late = (Timed(p.at(v, flipped.time), flipped.time) for v in (of, minus))
+                plain, opposite = p.step(f"{name}{i}_plain {name}{i}_opposite", lambda u, v: (u - v, v - u), *late)
+                pair.append(p.step(f"{name}{i}", lambda d, o, turn: Mux(turn, o, d), plain, opposite, turn))
             found.append((pair[0], pair[1]))
         return found
 

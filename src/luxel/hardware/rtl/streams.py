@@ -85,19 +85,23 @@ class Lane(wiring.Component):
         """Amaranth's."""
         m = Module()
         m.submodules.memory = memory = Memory(shape=self.width, depth=self.depth, init=[])
-        write, read = memory.write_port(), memory.read_port(domain="comb")
-        now, following = Signal.like(read.addr), Signal.like(read.addr, init=1)
+        write = memory.write_port()
+        now, following = Signal.like(write.addr), Signal.like(write.addr, init=1)
         data, payload = Signal(self.width, name="data_in", reset_less=True), Signal(self.width, name="data_out", reset_less=True)
-        take, ready = Signal(), Signal()
-        m.d["sync" if self.early else "comb"] += ready.eq(self.ready)
+        take, valid_next = Signal(), Signal()
         m.d.comb += [
-            take.eq(self.valid & ready),
+            valid_next.eq((self.level > 1) | ((self.level == 1) & ~take)),
             write.data.eq(data),
-            read.addr.eq(Mux(take, following, now)),
             self.payload.eq(payload),
         ]
-        m.d.sync += [write.en.eq(self.push), data.eq(self.data), now.eq(read.addr), payload.eq(read.data)]
-        m.d.sync += [self.level.eq(self.level + write.en - take), self.valid.eq((self.level > 1) | ((self.level == 1) & ~take))]
+        address = Mux(take, following, now)
+        if self.early:
+            m.d.sync += [take.eq(valid_next & self.ready), payload.eq(_read(m, memory, address))]
+        else:  # the decision comes late, so both are read
+            m.d.comb += take.eq(self.valid & self.ready)
+            m.d.sync += payload.eq(Mux(take, _read(m, memory, following), _read(m, memory, now)))
+        m.d.sync += [write.en.eq(self.push), data.eq(self.data), now.eq(address)]
+        m.d.sync += [self.level.eq(self.level + write.en - take), self.valid.eq(valid_next)]
         with m.If(write.en):
             m.d.sync += write.addr.eq(self._after(write.addr))
         with m.If(take):
@@ -106,6 +110,12 @@ class Lane(wiring.Component):
 
     def _after(self, address: Value) -> Value:
         return Mux(address == self.depth - 1, 0, address + 1)
+
+
+def _read(m: Module, memory: Memory, address: Value) -> Value:
+    read = memory.read_port(domain="comb")
+    m.d.comb += read.addr.eq(address)
+    return read.data
 
 
 def valid_line(m: Module, valid: Any, go: Any, length: int) -> list[Any]:

@@ -1,7 +1,8 @@
-"""The circuit: its latency, simulated, and (not with `quick`) two of its modules through synthesis."""
+"""The circuit: its latency, simulated; two of its modules through synthesis (not with `quick`); and what synthesis of all has found, as recorded."""
 
 from __future__ import annotations
 
+import json
 import tempfile
 from pathlib import Path
 
@@ -10,7 +11,11 @@ from luxel.hardware.synthesis import tools
 from luxel.studies.report import Report
 from luxel.studies.study import HERE, Context
 
+RECORDED = Path(__file__).with_name("synthesis.json")
+"""What `luxel hardware synth` has found, which takes too long for a study: written by benchmarks/hardware.py."""
+PAPER = "paper"
 _SYNTHESISED = ["reciprocal", "area"]
+_LEFT_OUT = ("M a second", "of", "slowest path")
 
 
 def modules(context: Context, report: Report) -> None:
@@ -35,5 +40,15 @@ def modules(context: Context, report: Report) -> None:
         placed = [on_ecp5(each, Path(name), 1, "um5g-45k", 8, 1) for each in designs(_SYNTHESISED)]
     columns = ("module", "MHz", "LUTs", "registers", "multipliers", "memory, bits")
     found = [{key: row[key] for key in columns} | {"source": HERE} for row in placed]
-    found.append({"module": "the paper, 0.13 um", "MHz": PAPER_MHZ, "source": "paper"})
+    found.append({"module": "the paper, 0.13 um", "MHz": PAPER_MHZ, "source": PAPER})
     report.table("synthesis", "Two modules on an ECP5-5G (speed 8), one seed", found, "`luxel hardware synth` does all modules and the whole.")
+
+
+def recorded(context: Context, report: Report) -> None:
+    """All modules through synthesis, on an ECP5 and in standard cells: not measured in this run."""
+    for record in json.loads(RECORDED.read_text()):
+        name = "recorded_ecp5" if record["target"].startswith("ECP5") else "recorded_cells"
+        rows = [{key: value for key, value in row.items() if key not in _LEFT_OUT} | {"source": "recorded"} for row in record["modules"]]
+        rows.append({"module": "the paper, 0.13 um", "MHz": 222.2, "source": PAPER})
+        note = f"**Recorded, not measured in this run**: by `luxel hardware synth`, {record['made']}."
+        report.table(name, f"All modules: {record['target']}", rows, note)
