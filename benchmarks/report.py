@@ -75,14 +75,14 @@ def milliseconds(seconds: float) -> str:
     return f"{value:.0f}" if value >= 100 else f"{value:.1f}" if value >= 10 else f"{value:.2f}"
 
 
-def write_section(title: str, text: str) -> None:
-    """Put `text` under `## title` of RESULTS.md, in place of what stood there."""
-    whole = RESULTS.read_text() if RESULTS.exists() else "# Results\n"
+def write_section(title: str, text: str, path: Path = RESULTS) -> None:
+    """Put `text` under `## title` of RESULTS.md, or another file, in place of what stood there."""
+    whole = path.read_text() if path.exists() else "# Results\n"
     head, *sections = re.split(r"(?m)^(?=## )", whole)
     kept = [section for section in sections if not section.startswith(f"## {title}\n")]
     sections = sorted([*kept, f"## {title}\n\n{text.strip()}\n"])
-    RESULTS.write_text("\n".join(part.strip() + "\n" for part in [head, *sections]))
-    print(f"written: {RESULTS}")
+    path.write_text("\n".join(part.strip() + "\n" for part in [head, *sections]))
+    print(f"written: {path}")
 
 
 def write_between(path: Path, mark: str, text: str) -> None:

@@ -85,6 +85,13 @@ class Gpu:
         """A copy in the processor's memory."""
         return np.array(array) if self._simulated else array.copy_to_host()
 
+    def send(self, host: Array, array: Any) -> None:
+        """Copy to an array on the device."""
+        if self._simulated:
+            array[...] = host
+        elif host.size:
+            array.copy_to_device(np.ascontiguousarray(host))
+
     def shared(self, array: Any) -> DeviceArray:
         """The array, for other libraries to use where it is."""
         if self._simulated:

@@ -29,11 +29,20 @@ SIMULATED = os.environ.get("NUMBA_ENABLE_CUDASIM", "0") not in ("", "0")
 libdevice: Any = None if SIMULATED else importlib.import_module("numba.cuda.libdevice")
 
 
+def _numba(name: str) -> Any:
+    """A part of Numba that newer versions of numba-cuda have a copy of."""
+    try:
+        return importlib.import_module(f"numba.cuda.core.{name}")
+    except ImportError:
+        return importlib.import_module(f"numba.core.{name}")
+
+
 @contextmanager
 def _unfused() -> Iterator[None]:
     """While in the block, NVVM is told not to fuse; what other threads compile waits."""
-    from numba.cuda.core.compiler_lock import global_compiler_lock
     from numba.cuda.cudadrv import nvvm
+
+    global_compiler_lock = _numba("compiler_lock").global_compiler_lock
 
     with global_compiler_lock:
         before = nvvm.compile_ir
@@ -53,8 +62,7 @@ def kernel(python: Callable[..., Any]) -> Any:
     """A grid: compiled when it is first launched, and kept on disk like those of `luxel.jit`."""
     if SIMULATED:
         return cuda.jit(python)
-    from numba.cuda.core import config
-
+    config = _numba("config")
     before, folder = config.CACHE_DIR, jit.cache_folder()
     if folder:
         config.CACHE_DIR = str(Path(folder) / f"cuda-{jit.digest(python.__module__)}")

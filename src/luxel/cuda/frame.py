@@ -92,7 +92,8 @@ class _Batch:
         self.clock, self.count = Clock(), len(seen)
         self.views, self.features = self._views(), int(np.bitwise_or.reduce([one.features for one in seen]))
         self.lit = self._lit()
-        self.pattern, self.mean, self.fill = (self.gpu.array(a) for a in (options.positions, mean_places(options.positions), options.fill))
+        self.pattern, self.fill = scene.sent("pattern", options.positions), scene.sent("fill", options.fill)
+        self.mean = scene.sent("mean", mean_places(options.positions))
         names = set(options.outputs)
         self.color = self._result("color", "color" in names, (), np.uint32)
         self.linear = self._result("linear", "linear" in names, (4,), _F)
@@ -104,12 +105,13 @@ class _Batch:
         cameras = [(one, one.camera) for one in self.seen]
         numbers = [(one.view.least_depth, camera.near, camera.far, camera.yfov is None) for one, camera in cameras]
         previous = [np.eye(4) if one.previous is None else one.previous for one in self.seen]
-        return self.gpu.copied(Views(
+        views = Views(
             np.stack([one.view.clip_from_world for one in self.seen]).astype(np.float64), np.array(numbers, np.float64),
             np.stack([np.stack([one.eye.place, one.eye.direction]) for one in self.seen]).astype(_F),
             np.stack([one.lights.lights for one in self.seen]), np.stack([one.lights.ambient for one in self.seen]),
             np.stack(previous).astype(np.float64),
-        ))  # fmt: skip
+        )  # fmt: skip
+        return Views(*(self.scene.sent(f"views {name}", array) for name, array in views._asdict().items()))
 
     def _lit(self) -> Any:
         scene, n = self.scene, len(self.scene.prepared.geometry.positions)
@@ -216,7 +218,7 @@ class _Pass:
         screen = scene.buffer("screen", (self.count, n, 4), np.int32)
         screen_f = self.gpu.view(screen, _F)
         self.gpu.launch(self.kernels.project, (n, self.count), scene.geometry.positions, self.batch.views, self.window, screen, screen_f)
-        none = self.gpu.array(np.zeros(self.count + 1, np.int32))
+        none = scene.sent("no pieces", np.zeros(self.count + 1, np.int32))
         return Everything(scene.geometry, screen, screen_f, scene.no_clipped, scene.no_clipped_f, none, self.batch.lit)
 
     def _draw(self, mode: int, kernels: tuple[Any, Any, Any], *more: Any, keys: Any = None) -> None:
@@ -245,7 +247,8 @@ class _Pass:
     def _queue(self, items: int, candidates: int) -> Queue:
         """An empty queue with room for so many at least."""
         room = self.scene.room(items, candidates)
-        counts = self.gpu.array(np.zeros(COUNTS, np.int64))
+        counts = self.scene.buffer("counts", (COUNTS,), np.int64)
+        self.gpu.send(np.zeros(COUNTS, np.int64), counts)
         return Queue(counts, self.scene.buffer("items", (room[0], 4), np.int32), self.scene.buffer("candidates", (room[1], 2), np.int32))
 
     def _clip(self, candidates: Array) -> None:
@@ -293,7 +296,8 @@ class _Pass:
             layer = self._keys("layer", NO_LAYER)
             self._draw(BLEND, (k.peel, k.peel_pieces, k.peel_items), self.keys, keys=layer)
             flat = layer.reshape(self.count, each), self.keys.reshape(self.count, each)
-            found = self.gpu.array(np.zeros(1, np.int32))
+            found = self.scene.buffer("found", (1,), np.int32)
+            self.gpu.send(np.zeros(1, np.int32), found)
             self.gpu.launch(k.take_layer, (each, self.count), *flat, found)
             if not self.gpu.host(found)[0]:
                 return
@@ -301,6 +305,6 @@ class _Pass:
 
     def _resolve(self, samples: Any) -> None:
         o, (left, top, right, bottom) = self.options, self.kept
-        taps, weights = (self.gpu.array(array) for array in filter_taps(o.filter, o.positions))
+        taps, weights = (self.scene.sent(name, array) for name, array in zip(("taps", "weights"), filter_taps(o.filter, o.positions), strict=True))
         self.gpu.launch(self.kernels.resolve, ((right - left) * (bottom - top), self.count), self.window, self.samples, self.tile, taps, weights,
                         _F(2.0**o.exposure), self.batch.fill, self._target(samples))  # fmt: skip

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from luxel.arrays import Array
 from luxel.errors import InputError
 from luxel.raster.bin import NO_CLIPPED
 from luxel.raster.materials import GOURAUD
@@ -51,6 +52,7 @@ class Resident:
         self.no_clipped, self.no_clipped_f = gpu.copied(NO_CLIPPED), gpu.array(NO_CLIPPED.screen.view(np.float32))
         self.split, self.side, self.measured, self.lock = SPLIT, SIDE, False, threading.Lock()
         self._buffers: dict[str, Any] = {}
+        self._sent: dict[str, Array] = {}
         self._room = _ITEMS, _CANDIDATES
 
     def buffer(self, name: str, shape: tuple[int, ...], dtype: Any) -> Any:
@@ -62,6 +64,14 @@ class Resident:
             self._buffers[name] = known = self.gpu.empty(shape, dtype)
         return known
 
+
+    def sent(self, name: str, host: Array) -> Any:
+        """A copy of an array on the device, in the buffer of this name; nothing is copied if it is there already."""
+        known = self._sent.get(name)
+        if known is None or known.shape != host.shape or known.dtype != host.dtype or not np.array_equal(known, host, equal_nan=False):
+            self.gpu.send(host, self.buffer(name, host.shape, host.dtype))
+            self._sent[name] = host.copy()
+        return self._buffers[name]
 
     def held(self) -> int:
         """Bytes of all buffers."""
