@@ -114,7 +114,7 @@ def test_what_was_stopped_goes_on_to_the_same_light(capsys, box, tmp_path):
     assert (tmp_path / "b.glb.state").is_file()
     ended = bake(capsys, box, "-o", tmp_path / "b.glb", *QUICK, "--resume", "--threads", "1")
     assert ended["finished"]
-    assert begun["shots"] < ended["shots"] == whole["shots"]
+    assert begun["unshot"] > ended["unshot"] == whole["unshot"]
     assert not (tmp_path / "b.glb.state").exists()
     assert (tmp_path / "a.glb").read_bytes() == (tmp_path / "b.glb").read_bytes()
     assert main(["bake", *map(str, words), "--resume", "-q"]) == 0  # nothing to resume is no fault

@@ -1,6 +1,7 @@
 """Bake: from a scene to a lit scene.
 
-    unwrap -> luxels -> those inside solids found -> elements, patches, lights -> direct light of what has no surface -> solve -> gather -> lightmap
+    unwrap -> luxels -> those inside solids found -> elements, patches, lights -> direct light of what has no surface
+           -> lights shoot -> elements pass light on until little is unshot -> they gather once more, finely -> lightmap
 """
 
 from __future__ import annotations
@@ -9,7 +10,8 @@ import time
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -23,14 +25,14 @@ from luxel.radiosity import checkpoint as saving
 from luxel.radiosity import lightmap
 from luxel.radiosity.direct import light_table, shine, sky_table
 from luxel.radiosity.elements import QUALITIES, Cut, Quality, cut, frames_of_texels
-from luxel.radiosity.gather import Lookup, Sight, element_pages, settle, texel_maps
+from luxel.radiosity.gather import Lookup, Sight, View, element_pages, see_around, texel_maps
 from luxel.radiosity.inside import free_places, seen_backs
 from luxel.radiosity.luxels import Luxels, find_luxels, part_of
 from luxel.radiosity.occlusion import Occlusion, prepare
 from luxel.radiosity.pages import triangle_pages
 from luxel.radiosity.rays import scene_masks
 from luxel.radiosity.relight import Transport, transport_of
-from luxel.radiosity.solve import Problem, Rows, State, Step, ambient, complete, start, steps
+from luxel.radiosity.solve import Problem, Rows, State, Step, ambient, complete, element_steps, light_steps, patch_steps, start
 from luxel.radiosity.unwrap import Atlas, unwrap
 from luxel.raster.bin import BLEND
 from luxel.raster.geometry import Geometry, flatten
@@ -41,19 +43,13 @@ _ROW_BYTES = 1 << 30
 """Rows of transport are kept up to this."""
 
 _MOST_KEPT = 8 << 30
-"""The same, if all of them are asked for."""
+"""A transport may be so large."""
 
-_HIT_BYTES = 1 << 29
-"""What elements see is kept up to this."""
+_SEEN = 128
+"""Rays by which elements look around for a transport that is kept, where they do not for the bake."""
 
 _LAYER = 1e-5
 """By how much the light of one lamp may change, of itself, in the last pass."""
-
-_SETTLED = 0.1
-"""Of the tolerance: by how much light may change, of itself, in the last pass in which elements pass it on."""
-
-_MOST_PASSES, _FEW_PASSES = 16, 2
-"""How often elements pass their light on: where what they see is kept, and where it is not."""
 
 _MOST_BACKS = 0.5
 """A luxel that sees more backs than this is inside a solid."""
@@ -117,11 +113,12 @@ class _Prepared:
     two_sided: Array
     reach: float
 
-    def sight(self, settings: Quality, most_bytes: int) -> Sight:
-        """What its elements see."""
+    @cached_property
+    def view(self) -> View:
+        """Where its elements look."""
         pages = element_pages(self.luxels, self.cut.luxel, self.cut.back)
         lookup = Lookup(texel_maps(self.geometry, self.atlas.size), triangle_pages(self.atlas, self.geometry), self.two_sided, pages)
-        return Sight(self.rays, self.cut.problem.elements.numbers, lookup, settings.gathered, self.reach, most_bytes)
+        return View(self.rays, self.cut.problem.elements.numbers, lookup, self.reach)
 
 
 @dataclass
@@ -129,12 +126,12 @@ class Progress:
     """What a bake in progress can tell: unshot share of the light, shots so far, and the picture so far.
 
     Attributes:
-        gathered: Share of the elements that have looked around for themselves, once all light is shot.
+        looked: Share of the elements that have looked around for themselves, while they do.
     """
 
     prepared: _Prepared
     state: State
-    gathered: float = 0.0
+    looked: float = 0.0
 
     @property
     def unshot(self) -> float:
@@ -168,7 +165,7 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
         progress: Called after each batch of shots with the unshot share and a `Progress`.
         checkpoint: A file that keeps the state, every half minute and when the bake is interrupted.
         resume: Go on from `checkpoint` if it is there.
-        transport: Also keep the transport, to light the scene anew (`Transport`): two bytes for each pair of a patch and a luxel.
+        transport: Also keep the transport, to light the scene anew (`Transport`): four bytes for each ray of a luxel, two for each light.
         layers: Also the light of each lamp by itself, and of the sky.
 
     Raises:
@@ -184,7 +181,7 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
     if problem.lights is None and not len(table):
         raise InputError("bake: nothing shines: expected an emissive material, a light or a sky")
     keep = transport or layers
-    rows, light_rows = _room(problem, keep, settings.gathered)
+    rows, light_rows = _room(problem, settings, keep)
     state = start(problem, shine(prepared.rays, problem.elements, table, prepared.reach, threads) if len(table) else None)
     still = state.direct.copy()
     clock.lap("direct")
@@ -192,25 +189,35 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
     if checkpoint and resume:
         state = saving.load(Path(checkpoint), key, state) or state
     deadline = time.monotonic() + seconds if seconds is not None else None
-    shooting = steps(problem, state, rows, light_rows, settings.tolerance, threads)
-    finished = _shoot_all(shooting, prepared, state, deadline, progress, (Path(checkpoint), key) if checkpoint else None)
+
+    def told(looked: float) -> None:
+        if progress:
+            progress(state.ledger[-1].unshot_fraction if state.ledger else 1.0, Progress(prepared, state, looked))
+
+    @cache
+    def sight() -> Sight:
+        return see_around(prepared.view, settings.seen or _SEEN, threads, told)
+
+    steps = [light_steps(problem, state, light_rows, threads)]
+    if settings.seen:
+        steps.append(element_steps(problem, state, sight, settings.tolerance, threads))
+    else:
+        steps.append(patch_steps(problem, state, rows, settings.tolerance, threads))
+    finished = _shoot_all(chain(*steps), prepared, state, deadline, progress, (Path(checkpoint), key) if checkpoint else None)
     clock.lap("solve")
     if state.escaped.sum() > _MUCH_LOST * state.emitted.sum():
         share = f"{state.escaped.sum() / state.emitted.sum():.0%} of the light meets nothing, or backs of surfaces"
         warnings.warn(f"{share}: is the scene open, or are normals inverted?", LuxelWarning, stacklevel=2)
     received = state.received + ambient(problem, state)[:, None].astype(np.float32)
-    sight = prepared.sight(settings, _MOST_KEPT if keep else _HIT_BYTES)
-    if finished or keep:
-        received = _gather(sight, prepared, state, received, settings.tolerance, threads, progress)
+    if finished and settings.gathered:
+        received = state.direct + prepared.view.gather((problem.albedo * received).T.copy(), settings.gathered, threads, told)
         clock.lap("gather")
     values = _per_luxel(prepared, received)
     baked = Baked(prepared.atlas, prepared.luxels, values, prepared.valid, _per_luxel(prepared, state.direct), state.ledger, clock.seconds, finished)
     if keep:
-        complete(problem, problem.patches, rows, threads)
         if problem.lights is not None:
             complete(problem, problem.lights, light_rows, threads)
-        pieces, luxels = prepared.cut, prepared.luxels
-        kept = transport_of(problem, pieces.luxel, ~pieces.back, rows, light_rows, sight.hits, still, luxels.emission, luxels.albedo, threads)
+        kept = transport_of(prepared.cut, light_rows, sight().hits, still, prepared.luxels, threads)
         baked.transport = kept if transport else None
         clock.lap("transport")
         if layers:
@@ -219,29 +226,14 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
     return baked
 
 
-def _gather(sight: Sight, prepared: _Prepared, state: State, irradiance: Array, tolerance: float, threads: int,
-            progress: Callable[[float, Progress], None] | None) -> Array:  # fmt: skip
-    """(3, n) float32: the irradiance of elements that look around for themselves, from that of the patches."""
-    unshot = state.ledger[-1].unshot_fraction if state.ledger else 0.0
-
-    def told(done: float) -> None:
-        if progress:
-            progress(unshot, Progress(prepared, state, done))
-
-    passes = _MOST_PASSES if sight.whole else _FEW_PASSES
-    albedo = prepared.cut.problem.albedo
-    return settle(lambda light: sight.irradiance(light, threads, told), state.direct, albedo, irradiance, _SETTLED * tolerance, passes)
-
-
-def _room(problem: Problem, keep: bool, rays: int) -> tuple[Rows, Rows]:
-    """Where rows are kept: all of them if they must be, else what fits."""
+def _room(problem: Problem, settings: Quality, keep: bool) -> tuple[Rows, Rows]:
+    """Where rows are kept: of the patches what fits, if they shoot; of the lights all if they must be."""
     n, patches = problem.elements.numbers.shape[1], len(problem.patches.tree.patches)
     lights = 0 if problem.lights is None else len(problem.lights.tree.patches)
-    wanted = 2 * n * (patches + lights)
-    if keep and max(wanted, 4 * n * rays) > _MOST_KEPT:
-        what = f"{patches} patches and {n} luxels of {rays} rays"
-        raise InputError(f"transport: {max(wanted, 4 * n * rays) / 1e9:.1f} GB for {what}, at most {_MOST_KEPT / 1e9:.0f} GB: bake coarser")
-    return Rows(patches, n, wanted if keep else _ROW_BYTES), Rows(lights, n, wanted if keep else 0)
+    wanted = 2 * n * lights + 4 * n * (settings.seen or _SEEN)
+    if keep and wanted > _MOST_KEPT:
+        raise InputError(f"transport: {wanted / 1e9:.1f} GB for {lights} lights and {n} luxels, at most {_MOST_KEPT / 1e9:.0f} GB: bake coarser")
+    return Rows(patches, n, 0 if settings.seen else _ROW_BYTES), Rows(lights, n, wanted if keep else 0)
 
 
 def _layers(prepared: _Prepared, kept: Transport, punctual: int, table: Array, threads: int) -> dict[str, Array]:

@@ -32,31 +32,34 @@ class Quality(NamedTuple):
     """How finely the light is cut.
 
     Attributes:
-        patch: Luxels along the side of a shooting patch, where the surface is flat.
         light_points: At least so many points for all emitting surfaces, each of which shoots.
-        resolution: Pixels along a hemicube's face, of a patch.
-        light_resolution: The same, of a light.
-        gathered: Rays by which each element looks around for itself in the end.
-        tolerance: The unshot share of the light at which to stop.
+        light_resolution: Pixels along a face of a light's hemicube.
         rays: Rays for elements from which a light is partly hidden, for each part of it that shoots.
-        exact: Rays for all pairs: the reference, slow.
+        seen: Rays by which each element looks around, and through which light is then passed on; 0: patches shoot it, as the lights do.
+        gathered: Rays by which each element looks around once more for the last bounce; 0: it does not.
+        tolerance: The unshot share of the light at which to stop.
+        patch: Luxels along the side of a patch, where the surface is flat.
+        resolution: Pixels along a face of a patch's hemicube.
+        exact: Rays for all pairs of shooter and element: slow.
     """
 
-    patch: float
     light_points: int
-    resolution: int
     light_resolution: int
+    rays: int
+    seen: int
     gathered: int
     tolerance: float = 1e-3
-    rays: int = 4
+    patch: float = 12
+    resolution: int = 64
     exact: bool = False
 
 
 QUALITIES = {
-    "draft": Quality(12, 16, 32, 64, 64, 5e-3, 0),
-    "normal": Quality(12, 64, 32, 128, 128),
-    "final": Quality(6, 256, 64, 128, 1024, rays=16),
-    "reference": Quality(4, 256, 16, 16, 1024, rays=16, exact=True),
+    "draft": Quality(16, 64, 0, 64, 0, 5e-3),
+    "normal": Quality(64, 128, 4, 128, 0),
+    "final": Quality(256, 128, 16, 128, 1024),
+    "reference": Quality(256, 16, 64, 256, 4096, exact=True),
+    "progressive": Quality(64, 128, 4, 0, 0, patch=6),
 }
 
 

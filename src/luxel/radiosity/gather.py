@@ -3,12 +3,12 @@
 Rows of transport give an element the mean radiosity of whole patches, seen from one point each. Here rays leave from many points of the
 element, so narrow gaps and strips count as they are, and each ray brings the radiosity of the very element that it meets (final gathering:
 Reichert 1992, "A two-pass radiosity method driven by lights and viewer position"). All elements cast the same directions in frames of their own:
-neighbours agree, there is no noise, and what rays meet is kept, so light can be passed on again at the cost of a look-up each.
+neighbours agree, there is no noise, and what rays meet is kept, so light is passed on again and again at the cost of a look-up each.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -35,6 +35,8 @@ behind it, where a surface bends or under something that stands on it."""
 
 _CHUNK = 32
 _RAYS_AT_ONCE = 1 << 22
+_SCALES = 0.5, 2.0  # beyond, there are too few rays to tell
+_ROUNDING = 1e-6
 _BORDER = 2  # texels
 
 
@@ -122,47 +124,6 @@ def _look(queue, scene, numbers, frames, directions, reach, lookup, first, hits)
     own_c[0] = own_stack[0] + own_points[0, 0]  # they live until here
 
 
-class Sight:
-    """What the elements of a scene see.
-
-    Args:
-        scene: All that hides.
-        numbers: (17, n) float32, of `Elements`.
-        lookup: Which element lies where.
-        rays: Of each element.
-        reach: Metres: no ray goes farther.
-        most_bytes: What is seen is kept up to this; beyond, it is looked again each time.
-    """
-
-    def __init__(self, scene: Occlusion, numbers: Array, lookup: Lookup, rays: int, reach: float, most_bytes: int) -> None:
-        self.scene, self.numbers, self.lookup, self.reach = scene, numbers, lookup, np.float32(reach)
-        self.directions = cosine_directions(rays).astype(np.float32)
-        n, step = numbers.shape[1], max(1, _RAYS_AT_ONCE // (WIDTH * rays)) * WIDTH
-        self.starts = [*range(0, n, step), n]
-        self.hits = np.empty((min(n, most_bytes // (4 * rays * step) * step), rays), np.int32)
-        self.seen = 0
-
-    @property
-    def whole(self) -> bool:
-        """What every element sees is kept, in `hits` (n, rays) int32: the elements that its rays meet, `NOWHERE`, `BACK` or `LOST`."""
-        return len(self.hits) == self.numbers.shape[1]
-
-    def irradiance(self, radiosity: Array, threads: int, told: Callable[[float], None] | None = None) -> Array:
-        """(3, n) float32 W/m2: what comes to the elements, from the radiosity of all, (n, 3) float32 W/m2. `told` hears the share that is done."""
-        result = np.empty((3, self.numbers.shape[1]), np.float32)
-        for first, last in pairwise(self.starts):
-            kept = last <= len(self.hits)
-            hits = self.hits[first:last] if kept else np.empty((last - first, len(self.directions)), np.int32)
-            if not kept or first >= self.seen:
-                frames = frames_of(self.numbers[NX : NZ + 1, first:last].T)
-                jit.run(_look, threads, self.scene, self.numbers, frames, self.directions, self.reach, self.lookup, first, hits)
-                self.seen = max(self.seen, last)
-                if told:
-                    told(last / self.starts[-1])
-            mean_radiosity(hits, radiosity, first, result, threads)
-        return result
-
-
 @jit.parallel_kernel
 def _mean(queue, hits, radiosity, first, result):
     hits, radiosity, result = jit.borrow(hits), jit.borrow(radiosity), jit.borrow(result)
@@ -182,31 +143,130 @@ def _mean(queue, hits, radiosity, first, result):
         chunk = jit.take(queue)
 
 
-def mean_radiosity(hits: Array, radiosity: Array, first: int, result: Array, threads: int) -> None:
-    """Fill result (3, n) float32 from element `first` on: irradiance, W/m2, from `hits` (k, rays) and the radiosity of all, (n, 3) float32."""
-    jit.run(_mean, threads, hits, radiosity, first, result)
+class View(NamedTuple):
+    """Where elements look.
+
+    Attributes:
+        scene: All that hides.
+        numbers: (17, n) float32, of `Elements`.
+        lookup: Which element lies where.
+        reach: Metres: no ray goes farther.
+    """
+
+    scene: Occlusion
+    numbers: Array
+    lookup: Lookup
+    reach: float
+
+    def look(self, directions: Array, first: int, last: int, hits: Array, threads: int) -> None:
+        """Fill `hits` (k, rays) int32: what elements first .. last - 1 see along `directions` (rays, 3) float32 of their frames."""
+        frames = frames_of(self.numbers[NX : NZ + 1, first:last].T)
+        jit.run(_look, threads, self.scene, self.numbers, frames, directions, np.float32(self.reach), self.lookup, first, hits)
+
+    def chunks(self, rays: int) -> Iterator[tuple[int, int]]:
+        """First and last + 1 of elements that look at a time."""
+        n, step = self.numbers.shape[1], max(1, _RAYS_AT_ONCE // (WIDTH * rays)) * WIDTH
+        return pairwise([*range(0, n, step), n])
+
+    def gather(self, light: Array, rays: int, threads: int, told: Callable[[float], None]) -> Array:
+        """(3, n) float32 W/m2: the irradiance of all elements by `rays` of each, of which nothing is kept; `light` (n, 3) float32 radiosity, W/m2.
+
+        `told` hears which share of the elements has looked.
+        """
+        directions, result = cosine_directions(rays).astype(np.float32), np.empty((3, len(light)), np.float32)
+        for first, last in self.chunks(rays):
+            hits = np.empty((last - first, rays), np.int32)
+            self.look(directions, first, last, hits, threads)
+            jit.run(_mean, threads, hits, light, first, result)
+            told(last / len(light))
+        return result
 
 
-def settle(gathered: Callable[[Array], Array], direct: Array, albedo: Array, irradiance: Array, tolerance: float, most: int = 64) -> Array:
-    """Pass light on from element to element until it hardly changes any more.
+class Sight(NamedTuple):
+    """What n elements see, kept: through it light is passed on without looking again.
+
+    Attributes:
+        hits: (n, rays) int32: the elements that the rays of each meet, `NOWHERE`, `BACK` or `LOST`.
+        away: (n,) float64: area of each times the share of its rays that go nowhere, or meet the back of something one-sided, m2.
+    """
+
+    hits: Array
+    away: Array
+
+
+def gather(hits: Array, light: Array, threads: int) -> Array:
+    """(3, k) float32: the mean of `light` (n, 3) float32 over what the rays of k elements meet, `hits` (k, rays)."""
+    result = np.empty((3, len(hits)), np.float32)
+    jit.run(_mean, threads, hits, light, 0, result)
+    return result
+
+
+@jit.parallel_kernel
+def _count(queue, hits, area, away):
+    hits, area, away = jit.borrow(hits), jit.borrow(area), jit.borrow(away)
+    count, rays = hits.shape
+    chunk = jit.take(queue)
+    while chunk * _CHUNK < count:
+        for k in range(chunk * _CHUNK, min(count, (chunk + 1) * _CHUNK)):
+            lost = gone = 0
+            for r in range(rays):
+                lost += hits[k, r] == LOST
+                gone += hits[k, r] == NOWHERE or hits[k, r] == BACK
+            away[k] = np.float64(area[k]) * gone / max(rays - lost, 1)
+        chunk = jit.take(queue)
+
+
+@jit.parallel_kernel
+def _exchange(queue, hits, group, starts, area, exchange):
+    hits, group, starts, area, exchange = jit.borrow(hits), jit.borrow(group), jit.borrow(starts), jit.borrow(area), jit.borrow(exchange)
+    rays = hits.shape[1]
+    p = jit.take(queue)
+    while p < len(exchange):
+        for e in range(starts[p], starts[p + 1]):
+            lost = 0
+            for r in range(rays):
+                lost += hits[e, r] == LOST
+            share = area[e] / np.float32(max(rays - lost, 1))
+            for r in range(rays):
+                if hits[e, r] >= 0:
+                    exchange[p, group[hits[e, r]]] += share
+        p = jit.take(queue)
+
+
+def exchange_of(hits: Array, starts: Array, area: Array, threads: int) -> Array:
+    """(p, p) float32, m2: what groups of elements, starts[q] .. starts[q + 1] - 1, see of each other: area times form factor, made symmetric."""
+    exchange = np.zeros((len(starts) - 1, len(starts) - 1), np.float32)
+    group = np.repeat(np.arange(len(exchange), dtype=np.int32), np.diff(starts))
+    jit.run(_exchange, threads, hits, group, starts, area, exchange)
+    return np.asarray((exchange + exchange.T) / 2)
+
+
+def see_around(view: View, rays: int, threads: int, told: Callable[[float], None]) -> Sight:
+    """Let all elements look around; `told` hears which share of them has."""
+    directions, area = cosine_directions(rays).astype(np.float32), view.numbers[AREA]
+    hits, away = np.empty((len(area), rays), np.int32), np.empty(len(area))
+    for first, last in view.chunks(rays):
+        view.look(directions, first, last, hits[first:last], threads)
+        jit.run(_count, threads, hits[first:last], area[first:last], away[first:last])
+        told(last / len(area))
+    return Sight(hits, away)
+
+
+def pass_on(sight: Sight, light: Array, area: Array, threads: int) -> tuple[Array, Array]:
+    """Let all elements shoot: the irradiance of all, (3, n) float32 W/m2, and what goes away, (3,) float64 W.
+
+    From each element as much goes away as of its own rays do (reciprocity), and the rest is received. What is gathered sums up to that but for the
+    chance of the directions, some tenths of a per cent, and is scaled to it.
 
     Args:
-        gathered: From the radiosity (n, 3) float32 of all elements to what comes to them, (3, n).
-        direct: (3, n) float32 irradiance that is there without it, W/m2.
-        albedo: (3, n) float32.
-        irradiance: (3, n) float32, to begin with.
-        tolerance: By how much the sum may change in the last pass, of itself.
-        most: Passes.
-
-    Returns:
-        (3, n) float32 irradiance, W/m2.
+        light: (n, 3) float32 radiosity, W/m2; `area` (n,) float32, m2.
     """
-    for _ in range(most):
-        before = irradiance
-        irradiance = direct + gathered(np.ascontiguousarray((albedo * before).T))
-        if np.abs(irradiance - before).sum(dtype=np.float64) <= tolerance * irradiance.sum(dtype=np.float64):
-            break
-    return irradiance
+    irradiance = gather(sight.hits, light, threads)
+    sent = light.T.astype(np.float64)
+    wanted, got = sent @ area - sent @ sight.away, irradiance.astype(np.float64) @ area
+    scale = np.clip(np.divide(wanted, got, out=np.ones(3), where=got > 0), *_SCALES)
+    irradiance *= scale[:, None].astype(np.float32)
+    return irradiance, sent @ area - np.where(np.abs(scale * got - wanted) <= _ROUNDING * wanted, wanted, scale * got)
 
 
 def element_pages(luxels: Luxels, luxel: Array, back: Array) -> Array:

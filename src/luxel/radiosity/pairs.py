@@ -75,6 +75,7 @@ class Scratch(NamedTuple):
     counts: Array
     cells: Array
     points: Array
+    terms: Array
 
 
 @jit.kernel
@@ -83,7 +84,7 @@ def make_scratch():
     return Scratch(
         np.zeros((CORNERS, 3)), np.zeros((CORNERS, 3)), np.zeros((4, 3)), np.zeros((_DEEPEST + 2, BLOCKERS), np.int64),
         np.zeros(_DEEPEST + 2, np.int64), np.zeros((40, 4)), np.zeros(6), np.zeros((PIECES + 2, PIECE_CORNERS, 3)), np.zeros(PIECES, np.int64),
-        np.zeros((4 * _DEEPEST + 8, 6)), np.zeros((2, _RAYS, 4)),
+        np.zeros((4 * _DEEPEST + 8, 6)), np.zeros((2, _RAYS, 4)), np.zeros((2, CORNERS, CORNERS)),
     )  # fmt: skip
 
 
@@ -240,7 +241,7 @@ def _by_rays(world, a, b, whole, wanted, floor, scratch):
 
 
 @jit.part
-def _alone(points_a, points_b, normal_a, normal_b, a, b, cut, wanted, floor):
+def _alone(points_a, points_b, normal_a, normal_b, a, b, cut, wanted, floor, terms):
     """The exchange of two polygons that see all of each other, and the error estimated."""
     dx, dy, dz = b.x - a.x, b.y - a.y, b.z - a.z
     distance = math.sqrt(dx * dx + dy * dy + dz * dz)
@@ -258,7 +259,28 @@ def _alone(points_a, points_b, normal_a, normal_b, a, b, cut, wanted, floor):
         error = abs(three - two) * ratio * ratio
         if error <= max(wanted.tolerance * three, floor):
             return three, error
-    return contour_integral(a.corners, a.sides, b.corners, b.sides, max(distance, size), wanted.tolerance, floor)
+    return contour_integral(a.corners, a.sides, b.corners, b.sides, max(distance, size), wanted.tolerance, floor, terms)
+
+
+@jit.part
+def _gap(polygons, t, side):
+    """How far polygon t is from a `Side` at least, metres: above its plane, or beside the sphere around it; 0 if neither tells."""
+    low, _ = height_range(side.nx, side.ny, side.nz, side.x, side.y, side.z, polygons.corners[t], polygons.sides[t])
+    return max(low, 0.0)
+
+
+@jit.part
+def _softer_on_first(polygons, a, b, blockers, found):
+    """Whether the hardest shadow between a and b is softer on a, relative to its size, than on b.
+
+    An obstacle throws penumbras as wide as the one polygon is large, times the obstacle's distance to the other over that to the one.
+    """
+    hardest_a = hardest_b = math.inf
+    for k in range(found):
+        near_a, near_b = _gap(polygons, blockers[k], a), _gap(polygons, blockers[k], b)
+        soft = (near_a + 1e-3 * a.radius) * b.radius / ((near_b + 1e-3 * b.radius) * a.radius)
+        hardest_a, hardest_b = min(hardest_a, soft), min(hardest_b, 1.0 / soft)
+    return hardest_a >= hardest_b
 
 
 @jit.part
@@ -266,7 +288,7 @@ def _facing(world, p, q, a, b, cut, wanted, floor, scratch):
     """The exchange of polygon p, or the part `a` cut from it, with `b` of polygon q, and the error estimated."""
     polygons = world.polygons
     normal_p, normal_q = polygons.normal[p], polygons.normal[q]
-    value, error = _alone(polygons.points[p], polygons.points[q], normal_p, normal_q, a, b, cut, wanted, floor)
+    value, error = _alone(polygons.points[p], polygons.points[q], normal_p, normal_q, a, b, cut, wanted, floor, scratch.terms)
     if value <= 0.0:
         return 0.0, 0.0
     found = find_blockers(
@@ -280,8 +302,8 @@ def _facing(world, p, q, a, b, cut, wanted, floor, scratch):
         hidden = occluded(world.occlusion, a.x, a.y, a.z, b.x, b.y, b.z, -1, -1)
         return (0.0 if hidden else value), value
     if found <= BLOCKERS:
-        small, large = (a, b) if a.radius <= b.radius else (b, a)
-        part, error = _partly_hidden(world, small, large, found, value, wanted, floor, scratch)
+        first, second = (a, b) if _softer_on_first(world.obstacles, a, b, scratch.blockers[0], found) else (b, a)
+        part, error = _partly_hidden(world, first, second, found, value, wanted, floor, scratch)
         if part >= 0.0:
             return min(part, value), error
     return _by_rays(world, a, b, value, wanted, floor, scratch)

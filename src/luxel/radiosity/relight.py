@@ -1,16 +1,18 @@
 """Transport that is kept: other lights, other colours, the same walls, without looking again who sees whom.
 
-    direct light of the new lights -> mean radiosity of the patches, by conjugate gradients -> every element gathers, until light has settled
+    direct light of the new lights -> mean radiosity of groups of elements, by conjugate gradients -> every element gathers, until light has settled
 
-The patches' equations are b = d + rho F b with F from patch to patch. With areas a, and G = a F made symmetric (reciprocity), y = sqrt(a / rho) b
+The groups' equations are b = d + rho F b with F from group to group. With areas a, and G = a F made symmetric (reciprocity), y = sqrt(a / rho) b
 turns them into (1 - R G R) y = sqrt(a / rho) d, R = sqrt(rho / a): symmetric and positive definite while rho < 1 and the rows of G sum to at most a.
 They are a good start for the elements, whose own light is what their rays meet (`gather`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import TYPE_CHECKING
 from zipfile import BadZipFile
 
 import numpy as np
@@ -19,12 +21,17 @@ from luxel import jit
 from luxel.arrays import Array, checked
 from luxel.errors import FileError, InputError
 from luxel.radiosity.element import AREA
-from luxel.radiosity.gather import mean_radiosity, settle
-from luxel.radiosity.solve import Problem, Rows, patch_starts
-from luxel.radiosity.transport import gather, receive
+from luxel.radiosity.gather import exchange_of, gather
+from luxel.radiosity.solve import Rows, groups, patch_starts
+from luxel.radiosity.transport import receive
+
+if TYPE_CHECKING:
+    from luxel.radiosity.elements import Cut
+    from luxel.radiosity.luxels import Luxels
 
 _ENOUGH = 1e-4  # of the norm of the right-hand side
 _MOST_STEPS = 100
+_MOST_PASSES = 256
 _SETTLED = 1e-3  # of the light: by how much it may change in the last pass
 _VERSION = 2
 
@@ -36,9 +43,9 @@ class Transport:
     Attributes:
         luxel: (e,) int32: the luxel of each element; `front` (e,) bool: it is its front.
         area: (e,) float32, m2.
-        starts: (p + 1,) int64: where the elements of each patch begin.
+        starts: (p + 1,) int64: where the elements of each group begin.
         exchange: (p, p) float32: G, symmetric, m2.
-        hits: (e, r) int32: the elements that the rays of each meet, or what is below 0; see `luxel.radiosity.gather`.
+        hits: (e, r) int32: what each sees; see `luxel.radiosity.gather.Sight`.
         rows, touched, scale: Of the l lights, as in `luxel.radiosity.solve.Rows`.
         point_luxel, point_area, point_starts: Of the points of the lights: their luxels (k,), areas (k,), and where each light's begin (l + 1,).
         still: (3, e) float32: irradiance of lights without a surface, W/m2.
@@ -92,9 +99,7 @@ class Transport:
         def gathered(light: Array) -> Array:
             if shining is not None:
                 light += shining
-            result = np.empty_like(direct)
-            mean_radiosity(self.hits, light, 0, result, threads)
-            return result
+            return gather(self.hits, light, threads)
 
         received = settle(gathered, direct, rho, direct + around, tolerance)
         result = np.zeros(emission.shape, np.float32)
@@ -114,7 +119,7 @@ class Transport:
         return (emission * dark[:, None])[self.luxel] * self.front[:, None] if dark.any() else None
 
     def _exchanged(self, direct: Array, albedo: Array, shining: Array | None) -> Array:
-        """(3, e) float32: what patches get from each other, the same for all elements of a patch; `albedo` (3, e)."""
+        """(3, e) float32: what groups get from each other, the same for all elements of one; `albedo` (3, e)."""
         bounced = direct * albedo if shining is None else direct * albedo + shining.T
         rho, first = self._means(albedo), self._means(bounced)
         area = np.add.reduceat(self.area, self.starts[:-1], dtype=np.float64)
@@ -123,7 +128,7 @@ class Transport:
         return np.repeat(given, np.diff(self.starts), 0).T.astype(np.float32)
 
     def _means(self, values: Array) -> Array:
-        """(p, 3) float64: area-weighted means over patches of (3, e)."""
+        """(p, 3) float64: area-weighted means over groups of (3, e)."""
         sums = np.add.reduceat(values * self.area, self.starts[:-1], 1, dtype=np.float64)
         return (sums / np.add.reduceat(self.area, self.starts[:-1], dtype=np.float64)).T
 
@@ -167,25 +172,42 @@ class Transport:
         return cls(**arrays)
 
 
-def transport_of(problem: Problem, luxel: Array, front: Array, rows: Rows, light_rows: Rows, hits: Array, still: Array, emission: Array,
-                 albedo: Array, threads: int) -> Transport:  # fmt: skip
-    """Gather what a bake has left; `rows` and `light_rows` must be complete, with room for all patches, and `hits` be of all elements."""
-    area, starts = problem.elements.numbers[AREA], patch_starts(problem.patches.tree)
-    patches = len(rows.slot)
-    given = gather(rows.rows[:patches], rows.touched[:patches], rows.scale[:patches], area, starts, threads)[rows.slot]
-    exchange = ((given + given.T) / 2).astype(np.float32)
+def transport_of(cut: Cut, lights: Rows, hits: Array, still: Array, luxels: Luxels, threads: int) -> Transport:
+    """What a bake leaves: the rows of its `lights`, complete, and what its elements see, `hits`."""
+    problem, area, starts = cut.problem, cut.problem.elements.numbers[AREA].copy(), groups(cut.problem.patches.tree)
     points = np.zeros(0, np.int32), np.zeros(0), np.zeros(1, np.int64)
-    slot = light_rows.slot
     if problem.lights is not None:
         points = problem.point_luxel, problem.lights.numbers[AREA].astype(np.float64), patch_starts(problem.lights.tree)
+    slot = lights.slot
     return Transport(
-        luxel, front, area.copy(), starts, exchange, hits, light_rows.rows[slot], light_rows.touched[slot], light_rows.scale[slot], *points, still,
-        emission, albedo,
+        cut.luxel, ~cut.back, area, starts, exchange_of(hits, starts, area, threads), hits, lights.rows[slot], lights.touched[slot],
+        lights.scale[slot], *points, still, luxels.emission, luxels.albedo,
     )  # fmt: skip
 
 
+def settle(gathered: Callable[[Array], Array], direct: Array, albedo: Array, irradiance: Array, tolerance: float) -> Array:
+    """Pass light on from element to element until it hardly changes any more.
+
+    Args:
+        gathered: From the radiosity (n, 3) float32 of all elements to what comes to them, (3, n).
+        direct: (3, n) float32 irradiance that is there without it, W/m2.
+        albedo: (3, n) float32.
+        irradiance: (3, n) float32, to begin with.
+        tolerance: By how much the light may change in the last pass, of itself.
+
+    Returns:
+        (3, n) float32 irradiance, W/m2.
+    """
+    for _ in range(_MOST_PASSES):
+        before = irradiance
+        irradiance = direct + gathered((albedo * before).T.copy())
+        if np.abs(irradiance - before).sum(dtype=np.float64) <= tolerance * irradiance.sum(dtype=np.float64):
+            break
+    return irradiance
+
+
 def _conjugate_gradients(exchange: Array, area: Array, rho: Array, first: Array) -> Array:
-    """(p, 3) float64: the patches' radiosity from what they send on of the light of lights, `first` (p, 3), and their albedo `rho` (p, 3)."""
+    """(p, 3) float64: the groups' radiosity from what they send on of the light of lights, `first` (p, 3), and their albedo `rho` (p, 3)."""
     root = np.sqrt(rho / area[:, None]).astype(np.float32)
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = np.where(rho > 0, np.sqrt(area[:, None] / rho), 0.0)

@@ -1,6 +1,7 @@
 """Solve: progressive refinement (Cohen, Chen, Wallace, Greenberg 1988), many shooters at a time.
 
     lights shoot -> the brightest patches shoot, in batches -> ... until little is unshot -> an ambient term for the rest
+                 -> or all elements shoot at once, again and again, through what they see (`gather`)
 
 Received light is summed per element; unshot light per element and patch. All of a batch's rows of transport go through a block of elements
 before the next block, in the same order whatever the threads, so the same bytes come out.
@@ -10,7 +11,7 @@ The ledger holds at every step, to rounding: emitted = absorbed + escaped + unsh
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -19,12 +20,14 @@ import numpy as np
 from luxel import jit
 from luxel.arrays import Array
 from luxel.radiosity.element import AREA, PX, PZ
+from luxel.radiosity.gather import Sight, pass_on
 from luxel.radiosity.hemicube import frames_of, see
 from luxel.radiosity.patches import Tree, middles
 from luxel.radiosity.transport import BLOCK, Elements, Occluders, Shooters, Visibility, fill_rows, receive
 
 _BATCH = 128
 _SHARE = 16  # of the patches, at most, shoot at a time: the brightest are known anew after each batch
+_MOST_GROUPS = 2048
 _SCALE_RANGE = 0.25, 4.0
 """A row's sum is put right by no more than this; what is left over counts as escaped."""
 
@@ -56,6 +59,12 @@ def patch_starts(tree: Tree) -> Array:
     return np.append(tree.span[tree.patches, 0], len(tree.order)).astype(np.int64)
 
 
+def groups(tree: Tree) -> Array:
+    """(p + 1,) int64: the same of at most `_MOST_GROUPS` groups of patches that follow each other, which are neighbours."""
+    starts = patch_starts(tree)
+    return np.append(starts[: -1 : -(-len(starts) // _MOST_GROUPS)], starts[-1])
+
+
 class Step(NamedTuple):
     """A line of the ledger: watts per channel (3,), after so many shots."""
 
@@ -82,7 +91,7 @@ class State:
         unshot: (3, n) float32: radiosity not yet shot, W/m2.
         power: (p, 3) float64: the same by patch, W.
         lights_left: Patches of the lights that have still to shoot.
-        shots, escaped: So far; escaped (3,) float64 watts.
+        shots, escaped: So far; escaped (3,) float64 watts. An element's own shots are not counted.
         ledger: One `Step` a batch.
     """
 
@@ -245,44 +254,62 @@ def mean(values: Array, area: Array, tree: Tree) -> Array:
     return np.add.reduceat(values * weight[:, None], first, 0) / np.add.reduceat(weight, first)[:, None]
 
 
-def steps(problem: Problem, state: State, rows: Rows, light_rows: Rows, tolerance: float, threads: int) -> Iterator[State]:
-    """Shoot until what is unshot is below `tolerance` of what was emitted; yields the state after each batch. The lights have rows of their own."""
-    n = problem.elements.numbers.shape[1]
-    tree, starts = problem.patches.tree, patch_starts(problem.patches.tree)
-    while True:
-        if state.lights_left:
-            lights = problem.lights
-            assert lights is not None
-            every = len(lights.tree.patches)
-            chosen = np.arange(every)[-state.lights_left :][:_BATCH]
-            radiosity = mean(problem.exitance, lights.numbers[AREA], lights.tree)[chosen]
-            source = lights
-        else:
-            total = state.power.sum(1)
-            if not total.sum() > tolerance * state.emitted.sum():
-                return
-            chosen = np.sort(np.argsort(-total, kind="stable")[: max(1, min(_BATCH, len(total) // _SHARE))])
-            chosen = chosen[total[chosen] > 0]
-            radiosity = state.power[chosen] / (tree.place[tree.patches[chosen], 7].astype(np.float64))[:, None]
-            source = problem.patches
-        gained = np.zeros((3, n), np.float32)
-        if source is problem.lights:
-            state.escaped = state.escaped + _shoot(problem, source, chosen, light_rows, radiosity, gained, threads)
-            state.lights_left -= len(chosen)
-            state.direct += gained
-        else:
-            state.escaped = state.escaped + _shoot(problem, source, chosen, rows, radiosity, gained, threads)
-            for p in chosen:
-                state.unshot[:, starts[p] : starts[p + 1]] = 0
+def light_steps(problem: Problem, state: State, rows: Rows, threads: int) -> Iterator[State]:
+    """Let the lights shoot; yields the state after each batch. They have `rows` of their own."""
+    lights = problem.lights
+    while lights is not None and state.lights_left:
+        chosen = np.arange(len(lights.tree.patches))[-state.lights_left :][:_BATCH]
+        radiosity = mean(problem.exitance, lights.numbers[AREA], lights.tree)[chosen]
+        gained = np.zeros_like(state.received)
+        state.escaped = state.escaped + _shoot(problem, lights, chosen, rows, radiosity, gained, threads)
+        state.lights_left -= len(chosen)
+        state.direct += gained
         _take_in(state, problem, gained, threads)
-        state.shots += len(chosen)
-        left = np.zeros(3)
-        if state.lights_left:
-            assert problem.lights is not None
-            rest = problem.lights.tree.span[problem.lights.tree.patches[-state.lights_left :], 0].min()
-            left = problem.exitance[rest:].T.astype(np.float64) @ problem.lights.numbers[AREA, rest:].astype(np.float64)
-        state.ledger.append(Step(state.shots, state.emitted.copy(), state.absorbed.copy(), state.escaped.copy(), state.power.sum(0) + left))
+        _write(state, problem, len(chosen))
         yield state
+
+
+def patch_steps(problem: Problem, state: State, rows: Rows, tolerance: float, threads: int) -> Iterator[State]:
+    """Let the brightest patches shoot until what is unshot is below `tolerance` of what was emitted; yields the state after each batch."""
+    tree, starts = problem.patches.tree, patch_starts(problem.patches.tree)
+    while _much(state, tolerance):
+        total = state.power.sum(1)
+        chosen = np.sort(np.argsort(-total, kind="stable")[: max(1, min(_BATCH, len(total) // _SHARE))])
+        chosen = chosen[total[chosen] > 0]
+        radiosity = state.power[chosen] / (tree.place[tree.patches[chosen], 7].astype(np.float64))[:, None]
+        gained = np.zeros_like(state.received)
+        state.escaped = state.escaped + _shoot(problem, problem.patches, chosen, rows, radiosity, gained, threads)
+        for p in chosen:
+            state.unshot[:, starts[p] : starts[p + 1]] = 0
+        _take_in(state, problem, gained, threads)
+        _write(state, problem, len(chosen))
+        yield state
+
+
+def element_steps(problem: Problem, state: State, sight: Callable[[], Sight], tolerance: float, threads: int) -> Iterator[State]:
+    """Let all elements shoot at once, through what they see, until what is unshot is below `tolerance`; yields the state after each time."""
+    while _much(state, tolerance):
+        gained, away = pass_on(sight(), np.ascontiguousarray(state.unshot.T), problem.elements.numbers[AREA], threads)
+        state.escaped = state.escaped + away
+        state.unshot[:] = 0
+        _take_in(state, problem, gained, threads)
+        _write(state, problem, 0)
+        yield state
+
+
+def _much(state: State, tolerance: float) -> bool:
+    """Whether there is still light to shoot."""
+    return bool(state.power.sum() > tolerance * state.emitted.sum())
+
+
+def _write(state: State, problem: Problem, shots: int) -> None:
+    """A line of the ledger, after so many shots more."""
+    state.shots += shots
+    left, lights = np.zeros(3), problem.lights
+    if state.lights_left and lights is not None:
+        rest = lights.tree.span[lights.tree.patches[-state.lights_left :], 0].min()
+        left = problem.exitance[rest:].T.astype(np.float64) @ lights.numbers[AREA, rest:].astype(np.float64)
+    state.ledger.append(Step(state.shots, state.emitted.copy(), state.absorbed.copy(), state.escaped.copy(), state.power.sum(0) + left))
 
 
 def ambient(problem: Problem, state: State) -> Array:

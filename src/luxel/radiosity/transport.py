@@ -431,23 +431,3 @@ def receive(rows: Array, touched: Array, slots: Array, powers: Array, received: 
     `touched` (slots, blocks) bool tells which blocks of a row are not all zero.
     """
     jit.run(_receive, threads, rows, touched, slots, powers, received)
-
-
-@jit.parallel_kernel
-def _gather(queue, rows, touched, scale, area, starts, sums):
-    p = jit.take(queue)
-    while p < len(sums):
-        for q in range(len(starts) - 1):
-            total = 0.0
-            if touched[p, starts[q] // BLOCK : (starts[q + 1] - 1) // BLOCK + 1].any():
-                for j in range(starts[q], starts[q + 1]):
-                    total += np.float64(area[j]) * np.float64(decoded(rows[p, j]))
-            sums[p, q] = total * scale[p]
-        p = jit.take(queue)
-
-
-def gather(rows: Array, touched: Array, scale: Array, area: Array, starts: Array, threads: int) -> Array:
-    """(s, p) float64: what each row gives to each patch, elements starts[q] .. starts[q + 1] - 1: its scale times the sum of area times K."""
-    sums = np.zeros((len(scale), len(starts) - 1))
-    jit.run(_gather, threads, rows, touched, scale, area, starts, sums)
-    return sums
