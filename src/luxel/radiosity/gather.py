@@ -125,21 +125,21 @@ def _look(queue, scene, numbers, frames, directions, reach, lookup, first, hits)
 
 
 @jit.parallel_kernel
-def _mean(queue, hits, radiosity, first, result):
-    hits, radiosity, result = jit.borrow(hits), jit.borrow(radiosity), jit.borrow(result)
+def _mean(queue, hits, light, first, result):
+    hits, light, result = jit.borrow(hits), jit.borrow(light), jit.borrow(result)
     count, rays = hits.shape
     chunk = jit.take(queue)
     while chunk * _CHUNK < count:
         for k in range(chunk * _CHUNK, min(count, (chunk + 1) * _CHUNK)):
-            red = green = blue = 0.0
+            red = green = blue = none = np.float32(0.0)  # four, as a vector register has them
             lost = 0
-            for r in range(rays):
-                e = hits[k, r]
+            for r in range(np.uint64(rays)):
+                e = hits[np.uint64(k), r]
                 lost += e == LOST
-                if e >= 0:
-                    red, green, blue = red + radiosity[e, 0], green + radiosity[e, 1], blue + radiosity[e, 2]
-            share = 1.0 / max(rays - lost, 1)
-            result[0, first + k], result[1, first + k], result[2, first + k] = red * share, green * share, blue * share
+                i = np.uint64(e + 3)
+                red, green, blue, none = red + light[i, 0], green + light[i, 1], blue + light[i, 2], none + light[i, 3]
+            share = np.float32(1.0) / np.float32(max(rays - lost, 1))
+            result[0, first + k], result[1, first + k], result[2, first + k] = red * share, green * share, blue * share + none
         chunk = jit.take(queue)
 
 
@@ -173,11 +173,12 @@ class View(NamedTuple):
 
         `told` hears which share of the elements has looked.
         """
-        directions, result = cosine_directions(rays).astype(np.float32), np.empty((3, len(light)), np.float32)
+        directions, padded = cosine_directions(rays).astype(np.float32), _padded(light)
+        result = np.empty((3, len(light)), np.float32)
         for first, last in self.chunks(rays):
             hits = np.empty((last - first, rays), np.int32)
             self.look(directions, first, last, hits, threads)
-            jit.run(_mean, threads, hits, light, first, result)
+            jit.run(_mean, threads, hits, padded, first, result)
             told(last / len(light))
         return result
 
@@ -197,8 +198,15 @@ class Sight(NamedTuple):
 def gather(hits: Array, light: Array, threads: int) -> Array:
     """(3, k) float32: the mean of `light` (n, 3) float32 over what the rays of k elements meet, `hits` (k, rays)."""
     result = np.empty((3, len(hits)), np.float32)
-    jit.run(_mean, threads, hits, light, 0, result)
+    jit.run(_mean, threads, hits, _padded(light), 0, result)
     return result
+
+
+def _padded(light: Array) -> Array:
+    """(3 + n, 4) float32: the light of what is met, from `LOST` on."""
+    padded = np.zeros((len(light) + 3, 4), np.float32)
+    padded[3:, :3] = light
+    return padded
 
 
 @jit.parallel_kernel

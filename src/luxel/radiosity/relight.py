@@ -1,10 +1,11 @@
 """Transport that is kept: other lights, other colours, the same walls, without looking again who sees whom.
 
-    direct light of the new lights -> mean radiosity of groups of elements, by conjugate gradients -> every element gathers, until light has settled
+    direct light of the new lights -> mean radiosity of groups of elements, by conjugate gradients
+                                   -> irradiance of every element, by conjugate residuals
 
 The groups' equations are b = d + rho F b with F from group to group. With areas a, and G = a F made symmetric (reciprocity), y = sqrt(a / rho) b
 turns them into (1 - R G R) y = sqrt(a / rho) d, R = sqrt(rho / a): symmetric and positive definite while rho < 1 and the rows of G sum to at most a.
-They are a good start for the elements, whose own light is what their rays meet (`gather`).
+They are where the elements begin, whose own light is what their rays meet (`gather`).
 """
 
 from __future__ import annotations
@@ -29,10 +30,9 @@ if TYPE_CHECKING:
     from luxel.radiosity.elements import Cut
     from luxel.radiosity.luxels import Luxels
 
-_ENOUGH = 1e-4  # of the norm of the right-hand side
+_ENOUGH = 1e-3  # of the norm of the right-hand side
 _MOST_STEPS = 100
-_MOST_PASSES = 256
-_SETTLED = 1e-3  # of the light: by how much it may change in the last pass
+_SETTLED = 1e-3  # of the light: how much of it may be missing
 _VERSION = 2
 
 
@@ -77,7 +77,7 @@ class Transport:
             emission: (n, 3) radiant exitance of each luxel, W/m2; None: as baked.
             albedo: (n, 3), each below 1; None: as baked.
             still: Factor for the light of what has no surface (point, spot and directional lights, the sky).
-            tolerance: By how much the light may change, of itself, in the last pass from element to element.
+            tolerance: How much of the light may be missing when another pass from element to element would be needed.
             threads: None: all cores this process may use. The result does not depend on it.
 
         Returns:
@@ -94,14 +94,9 @@ class Transport:
         """(n, 3) float32 irradiance per luxel, from `direct` (3, e), which is added to, and the luxels' exitance and albedo (n, 3)."""
         rho = np.ascontiguousarray(albedo[self.luxel].T)
         shining = self._shine(direct, emission, threads)
-        around = self._exchanged(direct, rho, shining)
-
-        def gathered(light: Array) -> Array:
-            if shining is not None:
-                light += shining
-            return gather(self.hits, light, threads)
-
-        received = settle(gathered, direct, rho, direct + around, tolerance)
+        received = direct + self._exchanged(direct, rho, shining)
+        known = direct if shining is None else direct + gather(self.hits, shining, threads)
+        received = _conjugate_residuals(lambda e: gather(self.hits, (rho * e).T.copy(), threads), known, received, tolerance)
         result = np.zeros(emission.shape, np.float32)
         front = np.flatnonzero(self.front)
         result[self.luxel[front]] = received[:, front].T
@@ -185,25 +180,40 @@ def transport_of(cut: Cut, lights: Rows, hits: Array, still: Array, luxels: Luxe
     )  # fmt: skip
 
 
-def settle(gathered: Callable[[Array], Array], direct: Array, albedo: Array, irradiance: Array, tolerance: float) -> Array:
-    """Pass light on from element to element until it hardly changes any more.
+def _conjugate_residuals(passed_on: Callable[[Array], Array], known: Array, x: Array, tolerance: float) -> Array:
+    """Solve x = known + passed_on(x), each row by itself (Eisenstat, Elman, Schultz 1983, "GCR").
 
     Args:
-        gathered: From the radiosity (n, 3) float32 of all elements to what comes to them, (3, n).
-        direct: (3, n) float32 irradiance that is there without it, W/m2.
-        albedo: (3, n) float32.
-        irradiance: (3, n) float32, to begin with.
-        tolerance: By how much the light may change in the last pass, of itself.
-
-    Returns:
-        (3, n) float32 irradiance, W/m2.
+        passed_on: Linear; from (3, n) to (3, n) float32.
+        known: (3, n) float32.
+        x: (3, n) float32 to begin with; changed.
+        tolerance: How large the sum over what is missing may be, of the sum of x.
     """
-    for _ in range(_MOST_PASSES):
-        before = irradiance
-        irradiance = direct + gathered((albedo * before).T.copy())
-        if np.abs(irradiance - before).sum(dtype=np.float64) <= tolerance * irradiance.sum(dtype=np.float64):
+    residual = known + passed_on(x) - x
+    ways: list[tuple[Array, Array]] = []  # each with its image
+    for _ in range(_MOST_STEPS):
+        if np.abs(residual).sum(dtype=np.float64) <= tolerance * x.sum(dtype=np.float64):
             break
-    return irradiance
+        way = residual.copy()
+        image = way - passed_on(way)
+        for old, seen in ways:
+            share = _dots(image, seen)
+            image -= share * seen
+            way -= share * old
+        image_length = np.sqrt(np.einsum("ij,ij->i", image, image, dtype=np.float64))[:, None]
+        scale = np.divide(1.0, image_length, out=np.zeros((3, 1)), where=image_length > 0).astype(np.float32)
+        way *= scale
+        image *= scale
+        step = _dots(residual, image)
+        x += step * way
+        residual -= step * image
+        ways.append((way, image))
+    return x + residual
+
+
+def _dots(a: Array, b: Array) -> Array:
+    """(3, 1) float32: products of rows."""
+    return np.einsum("ij,ij->i", a, b)[:, None]
 
 
 def _conjugate_gradients(exchange: Array, area: Array, rho: Array, first: Array) -> Array:

@@ -27,7 +27,7 @@ from luxel.radiosity.transport import BLOCK, Elements, Occluders, Shooters, Visi
 
 _BATCH = 128
 _SHARE = 16  # of the patches, at most, shoot at a time: the brightest are known anew after each batch
-_MOST_GROUPS = 2048
+_MOST_GROUPS = 512
 _SCALE_RANGE = 0.25, 4.0
 """A row's sum is put right by no more than this; what is left over counts as escaped."""
 
