@@ -105,7 +105,7 @@ def test_what_only_the_processor_does():
 
 def test_dlpack_lends_memory_and_gets_it_back():
     owner = np.arange(24, dtype=np.float32).reshape(2, 3, 4)
-    array = shared.DeviceArray(owner.ctypes.data, owner.shape, owner.dtype, owner, (shared.CPU, 0))
+    array = shared.DeviceArray(owner.ctypes.data, owner.shape, owner.dtype, owner.copy, (shared.CPU, 0))
     before = len(shared._lent)
     taken = np.from_dlpack(array)
     np.testing.assert_array_equal(taken, owner)
@@ -122,7 +122,7 @@ def test_dlpack_lends_memory_and_gets_it_back():
 @pytest.mark.parametrize("dtype", ["uint8", "int32", "float32"])
 def test_dlpack_describes_the_array(dtype):
     owner = np.zeros((5, 4), dtype)
-    array = shared.DeviceArray(owner.ctypes.data, owner.shape, owner.dtype, owner)
+    array = shared.DeviceArray(owner.ctypes.data, owner.shape, owner.dtype, owner.copy)
     capsule = array.__dlpack__()
     tensor = ctypes.cast(shared._pointer(id(capsule), b"dltensor"), ctypes.POINTER(shared._Managed)).contents.tensor
     assert array.__dlpack_device__() == (2, 0) == (tensor.device.kind, tensor.device.number)
@@ -135,7 +135,7 @@ def test_dlpack_describes_the_array(dtype):
 
 def test_a_picture_left_on_the_device_is_saved(tmp_path):
     ours = luxel.render(plain(0), camera(), SIZE, outputs=("color", "depth"))
-    arrays = {name: shared.DeviceArray(a.ctypes.data, a.shape, a.dtype, a, (shared.CPU, 0)) for name, a in ours.outputs().items()}
+    arrays = {name: shared.DeviceArray(a.ctypes.data, a.shape, a.dtype, a.copy, (shared.CPU, 0)) for name, a in ours.outputs().items()}
     theirs = luxel.Picture(**arrays)
     assert theirs.size == SIZE
     for name in ("a.png", "a.npz"):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -92,11 +92,13 @@ class Gpu:
         elif host.size:
             array.copy_to_device(np.ascontiguousarray(host))
 
-    def shared(self, array: Any) -> DeviceArray:
-        """The array, for other libraries to use where it is."""
+    def shared(self, array: Any) -> list[DeviceArray]:
+        """The rows of an array, for other libraries to use where they are."""
         if self._simulated:
-            return DeviceArray(array.ctypes.data, array.shape, array.dtype, array, (CPU, 0))
-        return DeviceArray(array.device_ctypes_pointer.value, array.shape, array.dtype, array, (CUDA, self._number))
+            return [DeviceArray(row.ctypes.data, row.shape, row.dtype, row.copy, (CPU, 0)) for row in array]
+        first, shape, device = array.device_ctypes_pointer.value, array.shape[1:], (CUDA, self._number)
+        step = math.prod(shape) * array.dtype.itemsize
+        return [DeviceArray(first + i * step, shape, array.dtype, partial(_fetch, array, i), device) for i in range(array.shape[0])]
 
     def view(self, array: Any, dtype: Any) -> Any:
         """The same memory as another type of the same size."""
@@ -124,6 +126,10 @@ class Gpu:
         if size > free:
             raise DeviceError(f"device cuda: {what} needs {_size(size)} of memory, {_size(free)} are free on {self.name}; "
                               "expected a smaller picture, fewer samples or fewer triangles")  # fmt: skip
+
+
+def _fetch(array: Any, row: int) -> Array:
+    return array[row].copy_to_host()
 
 
 def _size(size: int) -> str:

@@ -156,12 +156,10 @@ class _Batch:
             arrays["linear"] = self.linear
         if self.keep:
             self.gpu.wait()
-        else:
-            arrays = {name: self.gpu.host(array) for name, array in arrays.items()}
+        rows = {name: self.gpu.shared(array) if self.keep else self.gpu.host(array) for name, array in arrays.items()}
         self.clock.lap("fetch")
         seconds = {name: value / self.count for name, value in self.clock.seconds.items()}
-        wrapped = (lambda array: self.gpu.shared(array)) if self.keep else (lambda array: array)
-        return [Picture(**{name: wrapped(array[v]) for name, array in arrays.items()}, seconds=dict(seconds)) for v in range(self.count)]
+        return [Picture(**{name: array[v] for name, array in rows.items()}, seconds=dict(seconds)) for v in range(self.count)]
 
 
 class _Pass:
@@ -284,7 +282,7 @@ class _Pass:
     def _shade(self, keys: Any, nothing: Any, samples: Any) -> None:
         batch, o = self.batch, self.options
         footprint = _F(1 / np.sqrt(self.samples) if o.ssaa > 1 else 1)
-        shading = Shading(batch.features, o.ssaa > 1, _F(2.0**o.exposure), footprint, batch.fill, batch.pattern, batch.mean, self.tile)
+        shading = Shading(batch.features, bool(o.ssaa > 1), _F(2.0**o.exposure), footprint, batch.fill, batch.pattern, batch.mean, self.tile)
         kernel = self.kernels.shade_rich if self.scene.prepared.materials.rich else self.kernels.shade
         self.gpu.launch(kernel, (self.pixels, self.count), self.window, self.everything, batch.views, self.scene.materials, shading, keys, nothing,
                         self._target(samples))  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -66,8 +67,9 @@ class DeviceArray:
         pointer: Address of the first element, on the device.
     """
 
-    def __init__(self, pointer: int, shape: tuple[int, ...], dtype: Any, owner: Any, device: tuple[int, int] = (CUDA, 0)) -> None:
-        self.pointer, self.shape, self.dtype, self._owner, self._device = pointer, tuple(map(int, shape)), np.dtype(dtype), owner, device
+    def __init__(self, pointer: int, shape: tuple[int, ...], dtype: Any, fetch: Callable[[], Array], device: tuple[int, int] = (CUDA, 0)) -> None:
+        """`fetch` gives a copy in the processor's memory, and keeps the memory from being given back."""
+        self.pointer, self.shape, self.dtype, self._fetch, self._device = pointer, tuple(map(int, shape)), np.dtype(dtype), fetch, device
 
     @property
     def ndim(self) -> int:
@@ -86,7 +88,7 @@ class DeviceArray:
 
     def numpy(self) -> Array:
         """A copy in the processor's memory."""
-        return self._owner.copy_to_host() if hasattr(self._owner, "copy_to_host") else np.array(self._owner)
+        return self._fetch()
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Array:
         if copy is False:
