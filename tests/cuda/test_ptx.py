@@ -2,6 +2,8 @@
 
 import re
 from functools import cache
+from importlib import import_module
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from drawing import camera, materials, soup
 from host import Host
 
 import luxel
+from luxel import jit
 from luxel.cuda import door, kernels
 from luxel.cuda.frame import draw_views
 from luxel.cuda.resident import Resident
@@ -96,3 +99,22 @@ def test_machine_code_is_made_of_it(compiled):
         nvjitlink.get_info_log(linker, log)
         nvjitlink.destroy(linker)
         assert b"0 bytes spill stores" in log
+
+
+def test_what_is_launched_is_compiled_the_same_way(monkeypatch):
+    """By Numba's own path from a first launch to machine code, as far as it goes without a driver."""
+    dispatcher, codegen = import_module("numba.cuda.dispatcher"), import_module("numba.cuda.codegen")
+    monkeypatch.setattr(dispatcher._Kernel, "bind", lambda self: None)
+    monkeypatch.setattr(dispatcher, "get_current_device", lambda: SimpleNamespace(compute_capability=(9, 0)))
+    monkeypatch.setattr(codegen.CUDACodeLibrary, "_ensure_cc", lambda self, card: card or (9, 0))
+    monkeypatch.setattr(jit, "cache_folder", lambda: "")
+
+    def square_and_more(values):
+        i = door.cuda.grid(1)
+        values[i] = values[i] * values[i] + values[i]
+
+    made = door.kernel(square_and_more).compile((door.typeof(np.zeros(3, np.float32)),))
+    text = made.library.get_asm_str((9, 0))
+    assert "mul.rn.f32" in text
+    assert "add.rn.f32" in text
+    assert not re.findall(r"\bfma\.", text)

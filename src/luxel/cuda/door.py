@@ -23,7 +23,7 @@ if importlib.util.find_spec("numba_cuda") is None:
 
 from numba import cuda
 
-__all__ = ["SIMULATED", "cuda", "function", "initialise", "kernel", "lent", "libdevice", "ptx"]
+__all__ = ["SIMULATED", "cuda", "function", "initialise", "kernel", "lent", "libdevice", "ptx", "typeof"]
 
 SIMULATED = os.environ.get("NUMBA_ENABLE_CUDASIM", "0") not in ("", "0")
 libdevice: Any = None if SIMULATED else importlib.import_module("numba.cuda.libdevice")
@@ -87,12 +87,18 @@ def lent(array: Any) -> Any:
     return FakeCUDAArray(array)
 
 
+def typeof(value: Any) -> Any:
+    """Numba's type of an argument."""
+    from numba.cuda.typing import typeof
+
+    return typeof.typeof(value)
+
+
 def ptx(grid: Any, arguments: tuple[Any, ...], capability: tuple[int, int]) -> str:
     """What a kernel is compiled to, for arguments like these; no GPU is needed."""
     from types import SimpleNamespace
 
     from numba.cuda import dispatcher
-    from numba.cuda.typing.typeof import typeof
 
     signature = tuple(typeof(argument) for argument in arguments)
     before = dispatcher.get_current_device
