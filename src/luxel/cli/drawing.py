@@ -100,6 +100,13 @@ class View:
         before = self._before()
         return [None] if before is None else [*before.cameras(scene, size)]
 
+    def paths(self, output: Path, count: int) -> list[Path]:
+        """Where the pictures of `count` cameras go: `output`, numbered in a turntable."""
+        if self.turntable is None:
+            return [output]
+        digits = max(3, len(str(count - 1)))
+        return [output.with_stem(f"{output.stem}_{i:0{digits}}") for i in range(count)]
+
     def _before(self) -> View | None:
         """The view that --previous describes: these options, but for those that it names."""
         if self.previous is None:
@@ -177,19 +184,25 @@ def with_lightmap(scene: Scene, path: Path) -> None:
     A float picture (.exr, .hdr) is irradiance E in W/m2; an 8-bit one is E / pi: where it is white the
     bare colour shows.
     """
-    from luxel.io.images import read_image
-    from luxel.scene.material import Texture
-
     meshes = [mesh for mesh in scene.meshes if mesh.texcoords1 is not None]
     if not meshes:
         raise InputError("--lightmap: no mesh of the file has lightmap coordinates (TEXCOORD_1)")
-    image = read_image(path)
-    scale = float(np.pi) if image.dtype == np.uint8 else 1.0
-    scene.textures.append(Texture(image, wrap=("clamp", "clamp"), filter="bilinear", name=path.name))
     for mesh in meshes:
         if mesh.material < 0:
             scene.materials.append(Material())
             mesh.material = len(scene.materials) - 1
-        material = scene.materials[mesh.material]
+    give_lightmap(scene, path, {mesh.material for mesh in meshes})
+
+
+def give_lightmap(scene: Scene, path: Path, materials: set[int]) -> None:
+    """Give the materials with these numbers the picture at `path` as their lightmap."""
+    from luxel.io.images import read_image
+    from luxel.scene.material import Texture
+
+    image = read_image(path)
+    scale = float(np.pi) if image.dtype == np.uint8 else 1.0
+    scene.textures.append(Texture(image, wrap=("clamp", "clamp"), filter="bilinear", name=path.name))
+    for number in materials:
+        material = scene.materials[number]
         material.lightmap_texture = TextureRef(len(scene.textures) - 1, texcoord=1)
         material.lightmap_scale = scale

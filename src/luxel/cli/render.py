@@ -23,6 +23,7 @@ EXAMPLE = "luxel render model.glb -o model.png --size 1920x1080 --samples 8 --az
 
 _SHADINGS = ("flat", "gouraud", "phong", "pbr", "unlit", "hardware")
 _FILTERS = ("box", "tent", "gaussian", "mitchell", "blackman-harris", "lowpass")
+_DIVISIONS, _COMPOSITIONS, _BALANCES = ("screen", "objects", "both"), ("direct", "swap", "radix"), ("dynamic", "static")
 _AA: dict[str, dict[str, str]] = {
     "none": {"samples": "1"}, "msaa": {"samples": "4"}, "ssaa": {"ssaa": "3"}, "lowpass": {"ssaa": "3", "filter": "lowpass"},
 }  # fmt: skip
@@ -52,8 +53,8 @@ File = Annotated[Path, typer.Argument(metavar="FILE", help=_kinds, show_default=
 Output = Annotated[Path | None, _option(None, "-o", "--output", metavar="OUT", help=f"{_pictures} [FILE's name, .png, here]")]
 Size = Annotated[str, _option(None, "--size", metavar="WxH", help="Pixels; one number makes a square.")]
 Outputs = Annotated[str, _option(None, "--outputs", metavar="LIST", help=f"For .exr and .npz: {', '.join(_OUTPUTS)}.")]
-Device = Annotated[str | None, _option(None, "--device", metavar="NAME", help="What draws: cpu, cuda, or auto (a GPU if it can) [cpu].")]
 Threads = Annotated[str | None, _option(None, "--threads", metavar="N", help="Of the processor [all].")]
+Device = Annotated[str | None, _option(None, "--device", metavar="NAME", help="What draws: cpu, cuda, or auto (a GPU if it can) [cpu].")]
 
 _camera = partial(_option, "Camera")
 NamedCamera = Annotated[str | None, _camera("--camera", metavar="NAME", help="One of the file's, or its number [the first].")]
@@ -84,6 +85,14 @@ Background = Annotated[str, _look("--background", metavar="COLOR", help="'#rrggb
 Cull = Annotated[str, _look("--cull", metavar="WHAT", help="Hide back faces: material (as it says), back or none.")]
 Exposure = Annotated[str, _look("--exposure", metavar="EV", help="Brighter by so many stops.")]
 Lightmap = Annotated[Path | None, _look("--lightmap", metavar="FILE", help="A baked picture for TEXCOORD_1.")]
+_ranks = partial(_option, "Ranks of MPI")
+_divisions = "What ranks share: the screen, the triangles (objects), or both [screen]."
+Divide = Annotated[str | None, _ranks("--divide", metavar="WHAT", help=_divisions)]
+_compositions = "How pictures of objects become one: direct, swap or radix [swap]."
+Composition = Annotated[str | None, _ranks("--composition", metavar="NAME", help=_compositions)]
+_balances = "The screen in parts of equal cost (dynamic) or of equal size (static) [dynamic]."
+Balance = Annotated[str | None, _ranks("--balance", metavar="NAME", help=_balances)]
+
 _creases = "Where normals are made, edges sharper than this stay [50]."
 CreaseAngle = Annotated[str | None, _look("--crease-angle", metavar="DEG", help=_creases)]
 
@@ -117,52 +126,71 @@ def render(
     exposure: Exposure = "0",
     lightmap: Lightmap = None,
     crease_angle: CreaseAngle = None,
+    divide: Divide = None,
+    composition: Composition = None,
+    balance: Balance = None,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
     """Draw a file, lit and anti-aliased.
 
-    It is seen by its own camera, or by one that frames it.
+    It is seen by its own camera, or by one that frames it. Under mpiexec the ranks share the work, and one file is written.
     """
-    from luxel.cli.drawing import EXTENSIONS, SAMPLES, View
+    from luxel.cluster.comm import world
 
-    pixels = values.size(size)
-    mode = {} if aa is None else _AA[values.choice(aa, tuple(_AA), "--aa")]
-    samples, filter = samples or mode.get("samples"), filter or mode.get("filter", "box")
-    shots = values.whole(ssaa or mode.get("ssaa", "1"), "--ssaa", 1, 8)
-    output = output or Path(f"{file.stem}.png")
-    opaque = output.suffix.lower() in (".jpg", ".jpeg")  # they have no transparency
-    numbers: dict[str, Any] = {"azimuth": azimuth, "elevation": elevation, "distance": distance, "fov": fov, "turntable": turntable}
-    view = View(camera, eye=eye, target=target, up=up, ortho=ortho, previous=previous, **numbers)
-    options: dict[str, Any] = {
-        "samples": values.choice(samples or ("1" if shots > 1 else "4"), SAMPLES, "--samples"),
-        "pattern": values.choice(pattern, ("standard", "grid"), "--pattern"),
-        "ssaa": shots,
-        "filter": values.choice(filter, _FILTERS, "--filter"),
-        "shading": None if shading is None else values.choice(shading, _SHADINGS, "--shading"),
-        "cull": values.choice(cull, ("material", "back", "none"), "--cull"),
-        "background": values.background("white" if background == "none" and opaque else background),
-        "outputs": values.names(outputs, _OUTPUTS, "--outputs"),
-        "exposure": values.number(exposure, "--exposure", "-64 to 64 stops", lambda stops: abs(stops) <= 64),
-        "threads": None if threads is None else values.whole(threads, "--threads", 1),
-        "device": "cpu" if device is None else values.choice(device, ("cpu", "cuda", "auto"), "--device"),
-    }
-    crease = None if crease_angle is None else values.number(crease_angle, "--crease-angle", "degrees from 0 to 180", lambda a: 0 <= a <= 180)
-    values.output(output, EXTENSIONS)
-    if shots > 1 and options["samples"] != 1:
-        raise InputError(f"--ssaa {shots}: it takes the place of --samples {samples}; give one of them")
-    if filter == "lowpass" and shots == 1:
-        raise InputError("--filter lowpass: filters the picture that --ssaa draws at a higher rate; give --ssaa 2 to 8, or --aa lowpass")
-    if pattern == "grid" and options["samples"] != 4:
-        raise InputError(f"--pattern grid: expected --samples 4, got {samples or 1}")
-    lost = set(options["outputs"]) - {"color"}
-    if lost and output.suffix.lower() not in (".exr", ".npz"):
-        raise InputError(f"--outputs: {output.suffix} holds color alone; {', '.join(sorted(lost))} goes to .exr or .npz")
-    if "motion" in lost and previous is None and turntable is None:
-        raise InputError("--outputs motion: needs --previous, the camera before, or --turntable")
-    if previous is not None and "motion" not in lost:
-        raise InputError("--previous: needs --outputs motion")
-    _draw_file(Console(quiet, as_json), file, output, pixels, view, options, lightmap, crease)
+    comm = world()
+    with comm.guard():
+        from luxel.cli.drawing import EXTENSIONS, SAMPLES, View
+
+        pixels = values.size(size)
+        mode = {} if aa is None else _AA[values.choice(aa, tuple(_AA), "--aa")]
+        samples, filter = samples or mode.get("samples"), filter or mode.get("filter", "box")
+        shots = values.whole(ssaa or mode.get("ssaa", "1"), "--ssaa", 1, 8)
+        output = output or Path(f"{file.stem}.png")
+        opaque = output.suffix.lower() in (".jpg", ".jpeg")  # they have no transparency
+        numbers: dict[str, Any] = {"azimuth": azimuth, "elevation": elevation, "distance": distance, "fov": fov, "turntable": turntable}
+        view = View(camera, eye=eye, target=target, up=up, ortho=ortho, previous=previous, **numbers)
+        options: dict[str, Any] = {
+            "samples": values.choice(samples or ("1" if shots > 1 else "4"), SAMPLES, "--samples"),
+            "pattern": values.choice(pattern, ("standard", "grid"), "--pattern"),
+            "ssaa": shots,
+            "filter": values.choice(filter, _FILTERS, "--filter"),
+            "shading": None if shading is None else values.choice(shading, _SHADINGS, "--shading"),
+            "cull": values.choice(cull, ("material", "back", "none"), "--cull"),
+            "background": values.background("white" if background == "none" and opaque else background),
+            "outputs": values.names(outputs, _OUTPUTS, "--outputs"),
+            "exposure": values.number(exposure, "--exposure", "-64 to 64 stops", lambda stops: abs(stops) <= 64),
+            "threads": None if threads is None else values.whole(threads, "--threads", 1),
+            "device": "cpu" if device is None else values.choice(device, ("cpu", "cuda", "auto"), "--device"),
+        }
+        crease = None if crease_angle is None else values.number(crease_angle, "--crease-angle", "degrees from 0 to 180", lambda a: 0 <= a <= 180)
+        values.output(output, EXTENSIONS)
+        if shots > 1 and options["samples"] != 1:
+            raise InputError(f"--ssaa {shots}: it takes the place of --samples {samples}; give one of them")
+        if filter == "lowpass" and shots == 1:
+            raise InputError("--filter lowpass: filters the picture that --ssaa draws at a higher rate; give --ssaa 2 to 8, or --aa lowpass")
+        if pattern == "grid" and options["samples"] != 4:
+            raise InputError(f"--pattern grid: expected --samples 4, got {samples or 1}")
+        lost = set(options["outputs"]) - {"color"}
+        if lost and output.suffix.lower() not in (".exr", ".npz"):
+            raise InputError(f"--outputs: {output.suffix} holds color alone; {', '.join(sorted(lost))} goes to .exr or .npz")
+        if "motion" in lost and previous is None and turntable is None:
+            raise InputError("--outputs motion: needs --previous, the camera before, or --turntable")
+        if previous is not None and "motion" not in lost:
+            raise InputError("--previous: needs --outputs motion")
+        console = Console(quiet or comm.rank > 0, as_json and comm.rank == 0)
+        shared = divide is not None or composition is not None or balance is not None
+        if comm.size == 1 and not shared:
+            _draw_file(console, file, output, pixels, view, options, lightmap, crease)
+            return
+        from luxel.cli.ranks import draw_file
+
+        ways = (
+            values.choice(divide or "screen", _DIVISIONS, "--divide"),
+            values.choice(composition or "swap", _COMPOSITIONS, "--composition"),
+            values.choice(balance or "dynamic", _BALANCES, "--balance"),
+        )
+        draw_file(console, comm, file, output, pixels, view, options, lightmap, crease, *ways)
 
 
 def _draw_file(
@@ -190,7 +218,7 @@ def _draw_file(
     before = view.cameras_before(cameras, scene, size)
     loaded = time.perf_counter()
     with console.work("drawing") as report:
-        written = _draw(scene, cameras, before, size, output, options, view.turntable is not None, report)
+        written = _draw(scene, cameras, before, size, options, view.paths(output, len(cameras)), report)
     took = {"load": loaded - start, "draw": time.perf_counter() - loaded}
     data = {"output": [str(p) for p in written], "size": list(size), "triangles": scene.triangle_count, "seconds": took}
     what = str(written[0]) if len(written) == 1 else f"{written[0]} .. {written[-1].name}"
@@ -203,23 +231,21 @@ def _draw(
     cameras: list[Camera],
     before: list[Camera | None],
     size: tuple[int, int],
-    output: Path,
     options: dict[str, Any],
-    numbered: bool,
+    paths: list[Path],
     report: Callable[[float], None],
 ) -> list[Path]:
     """Draw and write one picture a camera; the paths written."""
     from luxel import prepare, render
     from luxel.cli.drawing import STREAMED
 
-    if numbered:
-        digits = max(3, len(str(len(cameras) - 1)))
-        paths = [output.with_stem(f"{output.stem}_{i:0{digits}}") for i in range(len(cameras))]
+    if len(paths) > 1:
         prepared = prepare(scene, options.pop("shading"), options.pop("cull"), options.pop("device"))
         for i, path in enumerate(paths):
             render(prepared, cameras[i], size, previous_camera=before[i], **options).save(path)
             report((i + 1) / len(paths))
         return paths
+    output = paths[0]
     streamed = size[0] * size[1] > STREAMED and options["filter"] != "lowpass" and options["device"] == "cpu"
     if streamed and output.suffix.lower() == ".png" and options["outputs"] == ("color",):
         from luxel.raster.render import render_to_png

@@ -12,10 +12,10 @@ others would wait for it for ever.
 
 from __future__ import annotations
 
+import atexit
 import os
 import sys
 import time
-import traceback
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -25,15 +25,14 @@ from typing import Any
 import numpy as np
 
 from luxel.arrays import Array
-from luxel.errors import ExtraMissingError, LuxelError
+from luxel.cluster.failure import Witness
+from luxel.errors import ExtraMissingError
 
 _LAUNCHERS = ("PMI_RANK", "PMIX_RANK", "PMI_ID", "OMPI_COMM_WORLD_RANK", "MPI_LOCALRANKID", "MV2_COMM_WORLD_RANK")
-_FAILED = 2
 _PATIENCE = 0.002  # seconds of waiting without sleep
 _NAP = 0.005
 _MOVED = 7  # tag of what `move` sends, apart from what else is under way
 _MOST_BYTES = 1 << 30  # of one message: MPI counts in int32
-_LAST_WORD = 0.5  # seconds that the launcher has to pass on what a rank said before it stops them all
 
 
 class Comm:
@@ -43,11 +42,17 @@ class Comm:
         rank: Of this process, from 0.
         size: Number of ranks.
         neighbours: How many of them share this machine, this one included.
-        sent: Bytes of arrays that this rank has sent to others with `move`, `trade` and `exchange`.
     """
 
     rank, size, neighbours = 0, 1, 1
-    sent = 0
+
+    def __init__(self) -> None:
+        self._sent = [0]
+
+    @property
+    def sent(self) -> int:
+        """Bytes of arrays that this rank has sent to others with `move`, `trade` and `exchange`, also as one of a part."""
+        return self._sent[0]
 
     def share(self, value: Any) -> Any:
         """Rank 0's value on every rank (by pickle: for what is small)."""
@@ -118,14 +123,17 @@ class Comm:
 class _Ranks(Comm):
     """The ranks of MPI."""
 
-    def __init__(self, mpi: Any, comm: Any, neighbours: int = 0) -> None:
-        self._mpi, self._comm = mpi, comm
+    def __init__(self, mpi: Any, comm: Any, witness: Witness, whole: _Ranks | None = None) -> None:
+        super().__init__()
+        self._mpi, self._comm, self._witness = mpi, comm, witness
         self.rank, self.size = comm.Get_rank(), comm.Get_size()
-        if not neighbours:
-            here = comm.Split_type(mpi.COMM_TYPE_SHARED)
-            neighbours = here.Get_size()
-            here.Free()
-        self.neighbours = neighbours
+        if whole is not None:
+            self.neighbours, self._sent = whole.neighbours, whole._sent
+            return
+        here = comm.Split_type(mpi.COMM_TYPE_SHARED)
+        self.neighbours = here.Get_size()
+        here.Free()
+        witness.know(f"rank {self.rank} of {self.size}")
 
     def _wait(self, ready: Callable[[], bool]) -> None:
         """Until it is: asleep where it takes long, since MPI's own waiting keeps a core busy that others could use."""
@@ -218,7 +226,7 @@ class _Ranks(Comm):
         waiting = [self._comm.Irecv(_bytes(part), rank, _MOVED) for rank, array in into for part in _parts(array)]
         whole = [(rank, part) for rank, array in out for part in _parts(np.ascontiguousarray(array))]
         waiting += [self._comm.Isend(_bytes(part), rank, _MOVED) for rank, part in whole]
-        self.sent += sum(part.nbytes for _, part in whole)
+        self._sent[0] += sum(part.nbytes for _, part in whole)
         self._wait(lambda: self._mpi.Request.Testall(waiting))
 
     def trade(self, out: Mapping[int, Array], sources: Iterable[int]) -> dict[int, Array]:
@@ -230,7 +238,7 @@ class _Ranks(Comm):
 
     def part(self, color: int) -> Comm:
         self._together()
-        return _Ranks(self._mpi, self._comm.Split(color, self.rank), self.neighbours)
+        return _Ranks(self._mpi, self._comm.Split(color, self.rank), self._witness, self)
 
     def exchange(self, arrays: Sequence[Array]) -> list[Array]:
         self._together()
@@ -238,7 +246,7 @@ class _Ranks(Comm):
         dtype = arrays[0].dtype
         sent = np.concatenate([np.ascontiguousarray(array).reshape(-1) for array in arrays])
         counts = [array.nbytes for array in arrays]
-        self.sent += sum(counts) - counts[self.rank]
+        self._sent[0] += sum(counts) - counts[self.rank]
         sizes = [int(np.prod(shape)) for shape in shapes]
         got = np.empty(sum(sizes), dtype)
         self._comm.Alltoallv([sent.view(np.uint8), counts], [got.view(np.uint8), [size * dtype.itemsize for size in sizes]])
@@ -256,13 +264,8 @@ class _Ranks(Comm):
 
     def end(self, error: BaseException) -> None:
         """Say what went wrong, and stop every rank."""
-        if isinstance(error, LuxelError):
-            print(f"luxel: rank {self.rank} of {self.size}: {error}", file=sys.stderr, flush=True)  # noqa: T201
-        elif not isinstance(error, KeyboardInterrupt):
-            text = "".join(traceback.format_exception(error))
-            print(f"luxel: rank {self.rank} of {self.size}:\n{text}", file=sys.stderr, flush=True)  # noqa: T201
-        time.sleep(_LAST_WORD)  # a launcher that is told to stop drops what it has not read yet
-        self._comm.Abort(_FAILED)
+        world = self._mpi.COMM_WORLD
+        self._witness.end(error, world.Get_rank() == 0, world.Abort)
 
 
 def _bytes(array: Array) -> Array:
@@ -291,11 +294,14 @@ def world() -> Comm:
     """
     if not launched():
         return Comm()
+    witness = Witness()
+    os.environ.setdefault("MPIR_CVAR_SUPPRESS_ABORT_MESSAGE", "1")  # it would come after ours, and say nothing
     try:
         from mpi4py import MPI
     except ImportError as error:
         raise ExtraMissingError("mpi4py", "mpi", "running under an MPI launcher") from error
-    ranks = _Ranks(MPI, MPI.COMM_WORLD)
+    ranks = _Ranks(MPI, MPI.COMM_WORLD, witness)
+    atexit.register(witness.rest)
     if ranks.size > 1:
         sys.excepthook = lambda kind, error, trace: ranks.end(error)
     return ranks

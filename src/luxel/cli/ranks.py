@@ -1,0 +1,112 @@
+"""luxel render under mpiexec: all ranks draw, rank 0 writes and speaks."""
+
+from __future__ import annotations
+
+import os
+import resource
+import sys
+import time
+import warnings
+from math import radians
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from luxel.cli.console import Console, seconds
+from luxel.errors import InputError, LuxelWarning
+
+if TYPE_CHECKING:
+    from luxel.cli.drawing import View
+    from luxel.cluster.comm import Comm
+    from luxel.cluster.shares import Shared
+
+_KINDS = {"screen": "the screen", "objects": "the triangles", "both": "the screen and the triangles"}
+
+
+def draw_file(console: Console, comm: Comm, file: Path, output: Path, size: tuple[int, int], view: View, options: dict[str, Any],
+              lightmap: Path | None, crease_angle: float | None, divide: str, composition: str, balance: str) -> None:  # fmt: skip
+    """Draw a file with all ranks, one picture a camera, and write them on rank 0."""
+    from luxel.cluster.agree import agree
+    from luxel.cluster.render import Renderer
+    from luxel.cluster.shares import share_scene
+
+    start = time.perf_counter()
+    if options.pop("device") != "cpu":
+        raise InputError("--device: ranks of MPI draw on the processor; expected cpu")
+    files = (file,) if lightmap is None else (file, lightmap)
+    agree(comm, files, divide=divide, composition=composition, balance=balance, size=size, options=options)
+    warn_of_crowds(comm, options["threads"])
+    shared = share_scene(file, comm, divide, composition, None if crease_angle is None else radians(crease_angle))
+    if not shared.triangles and comm.rank == 0:
+        warnings.warn(f"{file}: no triangles: the picture is empty", LuxelWarning, stacklevel=2)
+    if lightmap is not None:
+        share_lightmap(shared, lightmap, comm)
+    cameras, before = comm.share(_cameras(view, shared, size) if comm.rank == 0 else None)
+    shading, cull = options.pop("shading"), options.pop("cull")
+    renderer = Renderer(shared._replace(outline=shared.scene), comm, divide, composition, balance, shading, cull)
+    loaded = time.perf_counter()
+    paths = view.paths(output, len(cameras))
+    with console.work("drawing") as report:
+        for i, path in enumerate(paths):
+            told = report if len(paths) == 1 else None
+            try:
+                picture = renderer.render(cameras[i], size, previous_camera=before[i], progress=told, **options)
+            except MemoryError as error:
+                raise InputError(f"--size {size[0]}x{size[1]}: not enough memory for {', '.join(options['outputs'])}") from error
+            if picture is not None:
+                picture.save(path)
+            report((i + 1) / len(paths))
+    peaks = comm.gather(peak_bytes())
+    took = {"load": loaded - start, "draw": time.perf_counter() - loaded}
+    ranks = [{**each, "peak": peak} for each, peak in zip(renderer.ranks, peaks, strict=True)]
+    data = {"output": [str(path) for path in paths], "size": list(size), "triangles": shared.triangles, "seconds": took, "divide": divide,
+            "composition": composition, "balance": balance, "ranks": ranks}  # fmt: skip
+    what = str(paths[0]) if len(paths) == 1 else f"{paths[0]} .. {paths[-1].name}"
+    times = f"loaded in {seconds(took['load'])}, drawn in {seconds(took['draw'])}"
+    console.result(data, f"{what}  ({size[0]}x{size[1]}, {shared.triangles:,} triangles; {comm.size} ranks share {_KINDS[divide]}; {times})")
+
+
+def _cameras(view: View, shared: Shared, size: tuple[int, int]) -> tuple[Any, Any]:
+    cameras = view.cameras(shared.outline, size)
+    return cameras, view.cameras_before(cameras, shared.outline, size)
+
+
+def share_lightmap(shared: Shared, path: Path, comm: Comm) -> None:
+    """Give a scene that ranks share a lightmap, as `with_lightmap` does it: materials are lightmapped for all ranks, or none.
+
+    Raises:
+        InputError: No rank has a mesh with lightmap coordinates.
+    """
+    from luxel.cli.drawing import give_lightmap, with_lightmap
+    from luxel.scene.material import Material
+
+    if shared.team is None:
+        with_lightmap(shared.scene, path)
+        return
+    scene = shared.scene
+    meshes = [mesh for mesh in scene.meshes if mesh.texcoords1 is not None]
+    chosen = set().union(*comm.gather({mesh.material for mesh in meshes}))
+    if not chosen:
+        raise InputError("--lightmap: no mesh of the file has lightmap coordinates (TEXCOORD_1)")
+    if -1 in chosen:  # what has no material gets one, for the lightmap
+        scene.materials.append(Material())
+        for mesh in meshes:
+            mesh.material = mesh.material if mesh.material >= 0 else len(scene.materials) - 1
+        chosen = chosen - {-1} | {len(scene.materials) - 1}
+    give_lightmap(scene, path, chosen)
+
+
+def warn_of_crowds(comm: Comm, threads: int | None) -> None:
+    """Tell of a machine that has fewer cores than its ranks have threads."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    asked = comm.threads(threads) * comm.neighbours
+    if comm.rank == 0 and asked > cores and comm.neighbours > 1:
+        warnings.warn(
+            f"{comm.neighbours} ranks of {comm.threads(threads)} threads on a machine with {cores} cores wait for each other; "
+            f"{'fewer ranks' if comm.neighbours > cores else f'--threads {cores // comm.neighbours}'} would be faster",
+            LuxelWarning, stacklevel=2,
+        )  # fmt: skip
+
+
+def peak_bytes() -> int:
+    """The most memory that this process has had."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)

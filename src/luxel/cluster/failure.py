@@ -1,0 +1,130 @@
+"""Failure: one rank's error ends all ranks, within seconds, with one message that names the rank and the cause.
+
+What a rank raises it can say. What kills it, it cannot: so each rank has a witness, a process forked before anything is large, that waits at the end
+of a pipe. It passes on what its rank says, or says how it died; of the witnesses of one machine the first speaks, since ranks that are stopped
+because of another have nothing to say.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import sys
+import time
+import traceback
+from collections.abc import Callable
+
+from luxel.errors import LuxelError
+
+FAILED, INTERRUPTED = 2, 130
+_LAST_WORD = 0.5  # seconds that the launcher has to pass on what a rank said before it stops them all
+_CLEANING = 2.0  # seconds that rank 0 has, when all are interrupted, to remove what it was writing
+_SILENCE = 2.0  # seconds after one's word in which the others' is not news
+_PEACE, _SPOKEN = b"\0", b"\1"
+
+
+class Witness:
+    """What says how a rank ended; made before MPI starts and before there are threads. Where there is no fork, the rank speaks itself.
+
+    Attributes:
+        name: "rank 1 of 4", once that is known.
+    """
+
+    def __init__(self) -> None:
+        self.name, self._pipe, self._rank = "a rank", -1, os.getpid()
+        if hasattr(os, "fork"):
+            read, self._pipe = os.pipe()
+            launcher = os.getppid()
+            if os.fork() == 0:
+                os.close(self._pipe)
+                _wait(read, self._rank, launcher)
+            os.close(read)
+
+    def know(self, name: str) -> None:
+        """The rank is called this."""
+        self.name = name
+        self._tell(name.encode())
+
+    def rest(self) -> None:
+        """The rank ends in peace."""
+        self._tell(_PEACE)
+
+    def end(self, error: BaseException, first: bool, abort: Callable[[int], None]) -> None:
+        """Say what went wrong, unless another rank has, and stop all of them.
+
+        Args:
+            error: What the rank raised.
+            first: It is rank 0, which writes.
+            abort: Ends all ranks with an exit code.
+        """
+        interrupted = isinstance(error, KeyboardInterrupt)  # all are, at once
+        if interrupted and not first:
+            time.sleep(_CLEANING)
+        text = "luxel: interrupted" if interrupted else f"luxel: {self.name}: {told(error)}"
+        if self._pipe < 0:
+            print(text, file=sys.stderr, flush=True)  # noqa: T201
+        self._tell(_SPOKEN + text.encode() + _SPOKEN)
+        time.sleep(_LAST_WORD)  # a launcher that is told to stop drops what it has not read yet
+        abort(INTERRUPTED if interrupted else FAILED)
+
+    def _tell(self, what: bytes) -> None:
+        if self._pipe >= 0 and os.getpid() == self._rank:  # not in a child of the rank
+            os.write(self._pipe, what)
+
+
+def told(error: BaseException) -> str:
+    """What an error says: luxel's own and the system's in a line, others with their traceback."""
+    if isinstance(error, LuxelError):
+        return str(error)
+    if isinstance(error, MemoryError):
+        return f"not enough memory: {error or 'no more could be had'}"
+    if isinstance(error, OSError) and error.filename:
+        return f"{error.filename}: {error.strerror}"
+    if isinstance(error, SystemExit):
+        return f"left with exit code {error.code}"
+    return "".join(traceback.format_exception(error)).rstrip()
+
+
+def _wait(read: int, rank: int, launcher: int) -> None:
+    """What the witness does; never returns."""
+    try:
+        os.setsid()  # the launcher stops the group of a rank, at once
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, signal.SIG_IGN)
+        os.closerange(3, read)  # the launcher takes a rank for alive as long as anybody has its sockets
+        os.closerange(read + 1, 1024)
+        nowhere = os.open(os.devnull, os.O_RDWR)
+        os.dup2(nowhere, 0)
+        os.dup2(nowhere, 1)
+        heard = b""
+        while not heard.endswith((_PEACE, _SPOKEN)) or heard.count(_SPOKEN) == 1:
+            part = os.read(read, 4096)
+            heard += part
+            if not part:
+                break
+        if heard.endswith(_PEACE):
+            return
+        words = heard.split(_SPOKEN)
+        text = words[1].decode() if len(words) == 3 else f"luxel: {words[0].decode() or 'a rank'}: {_cause(rank)}"
+        with socket.socket(socket.AF_UNIX) as first:
+            if sys.platform == "linux":
+                first.bind(f"\0luxel-{launcher}")  # a name that only one can have, and that goes with it
+            os.write(2, f"{text}\n".encode())
+            os.dup2(nowhere, 2)
+            time.sleep(_SILENCE)
+    finally:
+        os._exit(0)
+
+
+def _cause(process: int) -> str:
+    """What ended a process that nobody has waited for yet."""
+    try:
+        with open(f"/proc/{process}/stat") as file:
+            status = int(file.read().rsplit(")", 1)[1].split()[49])
+    except (OSError, ValueError, IndexError):
+        status = 0
+    if status & 127:
+        name = signal.Signals(status & 127).name
+        return f"killed by {name}" + (" (out of memory?)" if name == "SIGKILL" else "")
+    return f"left with exit code {status >> 8}" if status else "died without a word"
