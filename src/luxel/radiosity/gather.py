@@ -124,22 +124,28 @@ def _look(queue, scene, numbers, frames, directions, reach, lookup, first, hits)
     own_c[0] = own_stack[0] + own_points[0, 0]  # they live until here
 
 
+@jit.inlined
+def mean_light(hits, k, light):
+    """The mean of `light`, which begins with that of `LOST`, over what the rays of element `k` meet."""
+    rays, lost = hits.shape[1], 0
+    red = green = blue = none = np.float32(0.0)  # four, as a vector register has them
+    for r in range(np.uint64(rays)):
+        e = hits[k, r]
+        lost += e == LOST
+        i = np.uint64(e + 3)
+        red, green, blue, none = red + light[i, 0], green + light[i, 1], blue + light[i, 2], none + light[i, 3]
+    share = np.float32(1.0) / np.float32(max(rays - lost, 1))
+    return red * share, green * share, blue * share + none
+
+
 @jit.parallel_kernel
 def _mean(queue, hits, light, first, result):
     hits, light, result = jit.borrow(hits), jit.borrow(light), jit.borrow(result)
-    count, rays = hits.shape
+    count = len(hits)
     chunk = jit.take(queue)
     while chunk * _CHUNK < count:
         for k in range(chunk * _CHUNK, min(count, (chunk + 1) * _CHUNK)):
-            red = green = blue = none = np.float32(0.0)  # four, as a vector register has them
-            lost = 0
-            for r in range(np.uint64(rays)):
-                e = hits[np.uint64(k), r]
-                lost += e == LOST
-                i = np.uint64(e + 3)
-                red, green, blue, none = red + light[i, 0], green + light[i, 1], blue + light[i, 2], none + light[i, 3]
-            share = np.float32(1.0) / np.float32(max(rays - lost, 1))
-            result[0, first + k], result[1, first + k], result[2, first + k] = red * share, green * share, blue * share + none
+            result[0, first + k], result[1, first + k], result[2, first + k] = mean_light(hits, np.uint64(k), light)
         chunk = jit.take(queue)
 
 
