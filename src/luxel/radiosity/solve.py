@@ -224,8 +224,8 @@ def fill(problem: Problem, source: Source, chosen: Array, rows: Rows, threads: i
     rays = problem.rays if source is problem.lights or problem.rays.always else problem.rays._replace(number=0)
     parts, escaped = fill_rows(problem.elements, source.tree, source.numbers, who, seen, problem.occluders, rays, to, rows.rows, threads)
     sums, areas = parts.sum(1), source.tree.place[who.node, 7].astype(np.float64)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        scale = np.where(sums > 0, (1.0 - escaped.sum(1)) * areas / sums, 1.0)
+    scale = np.divide(areas, sums, out=np.ones(len(to)), where=sums > 0)
+    scale[escaped.any(1)] = 1.0  # only if it sees nothing but fronts is all of its light received, that much is certain
     rows.touched[to] = parts > 0
     rows.scale[to] = np.clip(scale, *_SCALE_RANGE)
     rows.lost[to] = 1.0 - rows.scale[to] * sums / areas
