@@ -136,6 +136,24 @@ def test_a_fragment_on_every_clock():
     assert np.array_equal(ready[ready >= stalled.clocks[0]], stalled.clocks)
 
 
+@pytest.mark.parametrize(("pixels", "clocks"), [(1, 3.3), (3, 3.8), (6, 0)])
+def test_small_triangles(pixels, clocks):
+    """From 5 pixels on they leave no clock unused; smaller ones come every three clocks or so."""
+    rng = np.random.default_rng(17)
+    angles = rng.random((80, 1)) * 6.283 + np.arange(3) * 2.094 + rng.normal(0, 0.2, (80, 3))
+    radius = np.sqrt(pixels * 4 / 27**0.5)
+    corners = np.rint(256 * (rng.random((80, 1, 2)) * 36 + 4 + radius * np.stack([np.cos(angles), np.sin(angles)], -1))).astype(int)
+    words = circuits.colors(rng, 80)
+    shaded = [interpolator.draw(*each, WIDTH, HEIGHT) for each in zip(corners, words)]
+    count = sum(len(each.x) for each in shaded)
+    assert 0.8 * 80 * pixels < count < 1.2 * 80 * pixels
+    found = run(Interpolator(), circuits.columns(corners, words), count, **WINDOW)
+    assert np.array_equal(found.fields["x"], np.concatenate([each.x for each in shaded]))
+    assert np.array_equal(found.fields["r"], np.concatenate([each.colors[:, 0] for each in shaded]))
+    span = found.clocks[-1] - found.clocks[0] + 1
+    assert count <= span <= max(80 * clocks, 1.02 * count)
+
+
 def test_wider_coordinates():
     """As far as the rasteriser's guard band reaches."""
     corners = np.array([[[-(1 << 23), -300], [1 << 24, 5000], [4000, 1 << 24]], [[100, 100], [1 << 24, 7000], [9000, -(1 << 23)]]])
