@@ -39,6 +39,15 @@ def by_render():
     np.testing.assert_array_equal(np.from_dlpack(kept.color), np.asarray(kept.color))
 
 
+def relit():
+    from luxel.radiosity.bake import bake
+    from luxel.scene.builtin import cornell_box
+
+    transport = bake(cornell_box(), density=2, transport=True).transport
+    light = transport.solve(device="cuda", tolerance=1e-3)
+    np.testing.assert_allclose(light, transport.solve(tolerance=1e-5), rtol=5e-3, atol=5e-3 * light.max())
+
+
 if __name__ == "__main__":
     with np.errstate(all="ignore"):
         globals()[sys.argv[1]]()

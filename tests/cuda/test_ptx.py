@@ -12,10 +12,13 @@ from host import Host
 
 import luxel
 from luxel import jit
-from luxel.cuda import door, kernels
+from luxel.cuda import door, kernels, light_kernels
 from luxel.cuda.frame import draw_views
+from luxel.cuda.relight import ResidentTransport
 from luxel.cuda.resident import Resident
+from luxel.radiosity.bake import bake
 from luxel.raster.render import Options, prepare
+from luxel.scene.builtin import cornell_box
 
 CARDS = [(7, 5), (9, 0)]
 LARGEST_ARGUMENTS = 4096  # bytes; what every driver takes
@@ -57,7 +60,11 @@ def launched():
         options = Options(samples=2, filter="tent", outputs=("color", "depth"))
         draw_views(Resident(recorder, prepare(scene, shading)), [camera()], (8, 8), options, [None])
         found.update(recorder.launched)
-    return found
+    recorder, transport = Recorder(), bake(cornell_box(), density=2, transport=True).transport
+    solver = ResidentTransport(recorder, transport, light_kernels)
+    recorder.host = lambda sums: np.eye(len(sums))[3 - sums.ndim].reshape(-1, *[1] * (sums.ndim - 1))  # groups never settle, and light does at once
+    solver.solve(transport.powers(transport.emission), None, transport.albedo, 1.0, 1.0)
+    return found | recorder.launched
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +74,8 @@ def compiled(launched):
 
 
 def grids():
-    return sorted(name for name, value in vars(kernels).items() if not name.startswith("_") and hasattr(value, "py_func"))
+    both = {**vars(kernels), **vars(light_kernels)}
+    return sorted(name for name, value in both.items() if not name.startswith("_") and hasattr(value, "py_func"))
 
 
 @pytest.mark.parametrize("name", grids())

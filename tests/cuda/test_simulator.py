@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-PICTURES = ("opaque", "masked_and_blended", "pieces", "lit_at_vertices", "by_render")
+PICTURES = ("opaque", "masked_and_blended", "pieces", "lit_at_vertices", "by_render", "relit")
 
 
 @pytest.mark.parametrize("picture", PICTURES)

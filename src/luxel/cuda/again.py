@@ -16,13 +16,13 @@ import types
 from collections.abc import Callable, Mapping
 from typing import Any
 
-_AGAIN = ("luxel.raster.", "luxel.cuda.threads")
+_AGAIN = ("luxel.raster.", "luxel.radiosity.", "luxel.cuda.threads")
 _PLAIN = ("luxel.raster.lanes", "luxel.raster.rows")  # in vector instructions, and undecorated for a Numba that is switched off
 _SINGLE = types.SimpleNamespace(FRAGMENTS=1, PITCH=1)
 
 
 class Again:
-    """Modules of `luxel.raster` and `luxel.cuda.threads`, executed again.
+    """Modules of `luxel.raster`, `luxel.radiosity` and `luxel.cuda.threads`, executed again.
 
     Args:
         machine: Its name, which the modules' names end with.

@@ -70,7 +70,7 @@ class Transport:
     albedo: Array
 
     def solve(self, emission: Array | None = None, albedo: Array | None = None, *, still: float = 1.0, tolerance: float = _SETTLED,
-              threads: int | None = None) -> Array:  # fmt: skip
+              threads: int | None = None, device: str = "cpu") -> Array:  # fmt: skip
         """Light the scene anew.
 
         Args:
@@ -79,15 +79,23 @@ class Transport:
             still: Factor for the light of what has no surface (point, spot and directional lights, the sky).
             tolerance: How much of the light may be missing when another pass from element to element would be needed.
             threads: None: all cores this process may use. The result does not depend on it.
+            device: "cpu"; "cuda": a GPU, where what is kept stays until this object goes; or "auto": a GPU if one can be used.
 
         Returns:
             (n, 3) float32: irradiance on the front of each luxel, W/m2.
 
         Raises:
             InputError: A shape is wrong, or a value negative, not finite, or an albedo of 1 or more.
+            DeviceError, ExtraMissingError: Device "cuda", and no GPU can be used.
         """
         emission = self.emission if emission is None else self._checked(emission, "emission", np.inf)
         albedo = self.albedo if albedo is None else self._checked(albedo, "albedo", 1.0)
+        if device != "cpu":
+            from luxel.cuda.relight import solved
+
+            result = solved(self, emission, albedo, still, tolerance, device)
+            if result is not None:
+                return result
         return self.spread(self.still * np.float32(still), emission, albedo, tolerance, jit.checked_threads(threads))
 
     def spread(self, direct: Array, emission: Array, albedo: Array, tolerance: float, threads: int) -> Array:
@@ -106,9 +114,18 @@ class Transport:
         """Add to `direct` what the lights give; the exitance (e, 3) of elements that were no lights at the bake, None if they all are dark."""
         lights = len(self.point_starts) - 1
         if lights:
-            power = np.add.reduceat(emission[self.point_luxel] * self.point_area[:, None], self.point_starts[:-1], 0)
-            glow = power / np.add.reduceat(self.point_area, self.point_starts[:-1])[:, None] * self.scale[:, None]
-            receive(self.rows, self.touched, np.arange(lights), glow.astype(np.float32), direct, threads)
+            receive(self.rows, self.touched, np.arange(lights), self.powers(emission), direct, threads)
+        return self.shining(emission)
+
+    def powers(self, emission: Array) -> Array:
+        """(l, 3) float32: the lights' mean exitance, times the scale of their rows, of the luxels' (n, 3)."""
+        if len(self.point_starts) == 1:
+            return np.zeros((0, 3), np.float32)
+        power = np.add.reduceat(emission[self.point_luxel] * self.point_area[:, None], self.point_starts[:-1], 0)
+        return (power / np.add.reduceat(self.point_area, self.point_starts[:-1])[:, None] * self.scale[:, None]).astype(np.float32)
+
+    def shining(self, emission: Array) -> Array | None:
+        """(e, 3): exitance of elements that were no lights at the bake, None if they all are dark; of the luxels' (n, 3)."""
         dark = emission.sum(1) > 0
         dark[self.point_luxel] = False
         return (emission * dark[:, None])[self.luxel] * self.front[:, None] if dark.any() else None
