@@ -143,3 +143,12 @@ def test_a_picture_left_on_the_device_is_saved(tmp_path):
         theirs.save(tmp_path / f"b_{name}")
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b_a.png").read_bytes()
     np.testing.assert_array_equal(np.load(tmp_path / "b_a.npz")["depth"], ours.depth)
+
+
+def test_small_grids_are_no_reason_to_warn():
+    """As Numba does once for each size; its setting is as it was afterwards."""
+    kernels = pytest.importorskip("luxel.cuda.kernels")
+    config = door._numba("config")
+    before = config.CUDA_LOW_OCCUPANCY_WARNINGS
+    assert door.configured(kernels.fill, (3, 1), (17, 1)).griddim == (3, 1, 1)
+    assert before == config.CUDA_LOW_OCCUPANCY_WARNINGS

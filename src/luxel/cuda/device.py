@@ -31,7 +31,7 @@ class Gpu:
     def __init__(self) -> None:
         from luxel.cuda import door
 
-        self._cuda, self._simulated = door.cuda, door.SIMULATED
+        self._door, self._cuda, self._simulated = door, door.cuda, door.SIMULATED
         try:
             device = door.initialise()
         except Exception as error:  # Numba's own kinds of errors, and those of the driver's bindings
@@ -110,10 +110,8 @@ class Gpu:
             return
         block = _BLOCK
         if self._simulated:  # it starts a thread of the system for each, and would copy arrays there and back, also those that share their memory
-            from luxel.cuda.door import lent
-
-            block, arguments = 4, tuple(lent(item) if isinstance(item, np.ndarray) else item for item in arguments)
-        kernel[(-(-shape[0] // block), shape[1]), (block, 1)](*shape, *arguments)
+            block, arguments = 4, tuple(self._door.lent(item) if isinstance(item, np.ndarray) else item for item in arguments)
+        self._door.configured(kernel, (-(-shape[0] // block), shape[1]), (block, 1))(*shape, *arguments)
 
     def wait(self) -> None:
         """Until all that was launched is done."""

@@ -23,7 +23,7 @@ if importlib.util.find_spec("numba_cuda") is None:
 
 from numba import cuda
 
-__all__ = ["SIMULATED", "cuda", "function", "initialise", "kernel", "lent", "libdevice", "ptx", "typeof"]
+__all__ = ["SIMULATED", "configured", "cuda", "function", "initialise", "kernel", "lent", "libdevice", "ptx", "typeof"]
 
 SIMULATED = os.environ.get("NUMBA_ENABLE_CUDASIM", "0") not in ("", "0")
 libdevice: Any = None if SIMULATED else importlib.import_module("numba.cuda.libdevice")
@@ -78,6 +78,18 @@ def kernel(python: Callable[..., Any]) -> Any:
 
     made.compile = compile
     return made
+
+
+def configured(grid: Any, blocks: tuple[int, int], block: tuple[int, int]) -> Any:
+    """A kernel to be called: without Numba's warning that few blocks leave most of a card idle, as small pictures do."""
+    if SIMULATED:
+        return grid[blocks, block]
+    config = _numba("config")
+    before, config.CUDA_LOW_OCCUPANCY_WARNINGS = config.CUDA_LOW_OCCUPANCY_WARNINGS, 0
+    try:
+        return grid[blocks, block]
+    finally:
+        config.CUDA_LOW_OCCUPANCY_WARNINGS = before
 
 
 def lent(array: Any) -> Any:
