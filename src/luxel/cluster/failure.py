@@ -127,4 +127,4 @@ def _cause(process: int) -> str:
     if status & 127:
         name = signal.Signals(status & 127).name
         return f"killed by {name}" + (" (out of memory?)" if name == "SIGKILL" else "")
-    return f"left with exit code {status >> 8}" if status else "died without a word"
+    return f"left with exit code {status >> 8}" if status else "was killed, or left without a word"

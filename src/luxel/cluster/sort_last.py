@@ -51,7 +51,8 @@ class ObjectBand(Band):
     """A window of which each group of ranks draws a run of tiles, each rank with its own triangles."""
 
     def __init__(self, team: Team, plan: Plan, clocked: dict[str, float], *rest: Any) -> None:
-        self.team, self.plan, self.clocked, self.mine = team, plan, clocked, list[Box]()
+        self.team, self.plan, self.clocked = team, plan, clocked
+        self.mine, self.whole = list[Box](), list[Box]()  # rectangles that this rank has: of outputs and, unless a filter reaches farther, colours
         super().__init__(*rest)
         modes = set().union(*team.world.gather(set(self.bins)))
         self.blended, self.keep_depth = BLEND in modes, True
@@ -73,11 +74,13 @@ class ObjectBand(Band):
 
     def run(self, progress: Any = None) -> None:
         """Draw this group's tiles, and bring them together."""
-        if self.team.world.rank == 0 and self.colored:
+        if self.team.world.rank == 0 and self.colored and not self.apron:  # else `_finish` writes every pixel
             self._background()
         super().run(progress)
         drawn, world = time.perf_counter(), self.team.world
-        glue((array for array in (self.target.color, self.target.linear, *self.outputs) if array.size), world.gather(self.mine), world)
+        given = world.gather((self.whole if self.apron else self.mine, self.mine))
+        for arrays, boxes_of in ((self.target[:2], [both[0] for both in given]), (self.outputs, [both[1] for both in given])):
+            glue((array for array in arrays if array.size), boxes_of, world)
         glued = time.perf_counter()
         for name, seconds in (("busy", drawn - self.began), ("glue", glued - drawn)):
             self.clocked[name] = self.clocked.get(name, 0.0) + seconds
@@ -130,8 +133,7 @@ class ObjectBand(Band):
             if self.per_sample:
                 self._finish(first, first_row, last_row, top, bottom, tiles, rows)
                 self.clock.lap("resolve")
-        if not self.apron or not self.colored:
-            self.mine += self._boxes(first, mine)
+        self.mine += self._boxes(first, mine)
 
     def _count(self) -> int:
         return len(self.seen.geometry.triangles)
@@ -186,39 +188,57 @@ class ObjectBand(Band):
 
     def _share_layers(self, first: int, last: int, tiles: list[Array], blended: Array, ids: Array, depths: Array, colors: Array) -> None:
         """Peel and shade the own blended triangles, and composite what all ranks have of them over this rank's tiles."""
-        group, none = self.team.group, np.empty((0, layers.WORDS), np.int32)
-        wanted = group.gather(np.flatnonzero(blended))
-        mine = tiles[group.rank]
-        under = group.exchange([pack(np.intersect1d(mine, slots), self.pixels, ids, depths) for slots in wanted])
-        made = [none] * group.size
-        if blended.any():
-            found = self._peel(first, last, np.flatnonzero(blended), under)
-            owner = np.zeros(last - first, np.int64)
-            for rank, slots in enumerate(tiles):
-                owner[slots] = rank
-            at = owner[found[:, 0] // self.pixels]
-            made = [found[at == rank] for rank in range(group.size)]
-        layers.lay_over(np.concatenate(group.exchange(made)), self.pixels, colors)
+        group, slots = self.team.group, np.flatnonzero(blended)
+        wanted, mine = group.gather(slots), tiles[group.rank]
+        under = group.exchange([pack(np.intersect1d(mine, each), self.pixels, ids, depths) for each in wanted])
+        found, drawn_ids = self._peel(first, last, slots, under)
+        owner = np.zeros(last - first, np.int64)
+        for rank, each in enumerate(tiles):
+            owner[each] = rank
+        at = owner[found[:, 0] // self.pixels]
+        order = np.argsort(at, kind="stable")
+        ends = np.cumsum(np.bincount(at, minlength=group.size))[:-1]
+        got = group.exchange(np.split(found[order], ends))
+        everything = np.concatenate(got)
+        far_to_near, layer = layers.layered(everything)
+        numbers = np.concatenate(group.exchange(np.split(layer, np.cumsum([len(part) for part in got])[:-1])))
+        shaded = self._shade_layers(first, last, slots, found[order, 0], drawn_ids[order], numbers)
+        layers.lay_over(far_to_near, self.pixels, everything[:, 0], np.concatenate(group.exchange(np.split(shaded, ends))), colors)
 
-    def _peel(self, first: int, last: int, slots: Array, under: list[Array]) -> Array:
-        """(n, WORDS) int32: all layers of the own blended triangles that are nearer than what is opaque, `under` as `pack` made it."""
-        shape = (last - first, self.pixels + LANES)
-        ids, depths, peeled = reusable(shape, np.int32), reusable(shape, np.float32), reusable(shape, np.int32)
-        clear(slots, ids, depths)
-        for words in under:
-            merge(words, ids, depths)
-        whole, m = self.clipped, self._count()
-        ids[slots] = layers.below(ids[slots], m, self.offset, len(whole.source))
-        self.clipped = whole._replace(source=np.append(whole.source, np.int32(2**31 - 1)))  # what `below` says of ids after the own
-        shaded, found = reusable((last - first, 4 * self.pixels), np.float32), [np.empty((0, layers.WORDS), np.int32)]
+    def _peel(self, first: int, last: int, slots: Array, under: list[Array]) -> tuple[Array, Array]:
+        """All layers of the own blended triangles that are nearer than what is opaque, `under` as `pack` made it: as `layers.collect` has them."""
+        shape, none = (last - first, self.pixels + LANES), np.empty((0, layers.WORDS), np.int32)
+        found, drawn_ids = [none], [none[:, 0]]
+        if len(slots):
+            ids, depths, peeled = reusable(shape, np.int32), reusable(shape, np.float32), reusable(shape, np.int32)
+            clear(slots, ids, depths)
+            for words in under:
+                merge(words, ids, depths)
+            whole, m = self.clipped, self._count()
+            ids[slots] = layers.below(ids[slots], m, self.offset, len(whole.source))
+            self.clipped = whole._replace(source=np.append(whole.source, np.int32(2**31 - 1)))  # what `below` says of ids after the own
+            while self._layer(BLEND, first, last, ids, depths, peeled):
+                words, drawn_here = layers.collect(slots, self.pixels, peeled, depths, whole.source, m, self.offset)
+                found.append(words)
+                drawn_ids.append(drawn_here)
+            self.clipped = whole
+        return np.concatenate(found), np.concatenate(drawn_ids)
+
+    def _shade_layers(self, first: int, last: int, slots: Array, places: Array, drawn_ids: Array, numbers: Array) -> Array:
+        """(n, 4) float32: premultiplied colours of triangles at samples, each in the layer with its number."""
+        out = np.empty((len(places), 4), np.float32)
+        shaded, peeled = reusable((last - first, 4 * self.pixels), np.float32), reusable((last - first, self.pixels + LANES), np.int32)
         occupied = np.zeros_like(self.occupied)
         occupied[first + slots] = 1
-        while self._layer(BLEND, first, last, ids, depths, peeled):
-            shaded[slots] = 0.0
+        for number in range(int(numbers.max(initial=-1)) + 1):
+            chosen = numbers == number
+            row, at = np.divmod(places[chosen], self.pixels)
+            peeled[slots], shaded[slots] = NOTHING, 0.0
+            peeled[row, at] = drawn_ids[chosen]
             self._shade(first, last, peeled, Target(NO_COLOR, NO_LINEAR, shaded), occupied, blend=True)
-            found.append(layers.collect(slots, self.pixels, peeled, depths, whole.source, m, self.offset, shaded))
-        self.clipped = whole
-        return np.concatenate(found)
+            for k in range(4):
+                out[chosen, k] = shaded[row, k * self.pixels + at]
+        return out
 
     def _finish(self, first: int, first_row: int, last_row: int, top: int, bottom: int, tiles: list[Array], rows: Array) -> None:
         """From samples to pixels: of the own tiles; or all on the group's first rank, where a filter reaches beyond tiles."""
@@ -235,4 +255,4 @@ class ObjectBand(Band):
                 rows[shift + slots] = part
             self._resolve(first_row, last_row, top, bottom, rows)
             begin, end = max(first_row * across, self.chosen[0]), min(last_row * across, self.chosen[1])
-            self.mine += self._boxes(0, np.arange(begin, end))
+            self.whole += self._boxes(0, np.arange(begin, end))
