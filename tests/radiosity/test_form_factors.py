@@ -14,6 +14,7 @@ from luxel.errors import InputError, LuxelWarning
 from luxel.radiosity.form_factors import FormFactors, form_factors
 from luxel.radiosity.merge import merge
 from luxel.radiosity.surfaces import polygons_of
+from luxel.radiosity.transfer import polygon_factor
 
 PATHS = [pytest.param(False, 5e-3, id="default"), pytest.param(True, 5e-4, id="reference")]
 
@@ -157,6 +158,52 @@ def test_closed_scenes_close_and_reciprocate(scene):
     assert np.abs(factors.row_sums - 1).max() < 5e-3
     assert factors.data.min() > 0
     assert np.array_equal(factors.row_sums, factors.sum(axis=1))
+
+
+def test_a_small_surface_beside_a_large_one():
+    """Two coarse sums of this wall's and this face's contours agree within 0.01 %, though both are 5 % too large."""
+    wall = quad((0, 0, 0), (2, 0, 0), (2, 2.547, 0), (0, 2.547, 0))
+    face = quad((1.275, 0.452, 0.142), (1.275, 0.581, 0.142), (1.275, 0.581, 0.281), (1.275, 0.452, 0.281))
+    factors = form_factors([wall, face])
+    assert factors[1, 0] == pytest.approx(by_points(face, wall), rel=1e-4)
+    assert abs(factors[1, 0] - by_points(face, wall)) < factors.errors[1]
+
+
+def by_points(a, b, n=24):
+    """The form factor from a quadrilateral to another that it sees all of from either side, by Lambert's formula at n x n Gauss points."""
+    nodes, weights = np.polynomial.legendre.leggauss(n)
+    corners, target = a.positions.astype(float), b.positions.astype(float)
+    u, v = corners[1] - corners[0], corners[3] - corners[0]
+    normal = np.cross(u, v) / np.linalg.norm(np.cross(u, v))
+    total = 0.0
+    for x, wx in zip((nodes + 1) / 2, weights / 2):
+        for y, wy in zip((nodes + 1) / 2, weights / 2):
+            p = corners[0] + x * u + y * v
+            total += wx * wy * sum(abs(polygon_factor(*p, *side, target, 4)) for side in (normal, -normal))
+    return total
+
+
+def test_near_pairs_of_any_size():
+    """Parallelograms in general position, far smaller, larger and nearer than each other: none is off by more than is asked or estimated."""
+    rng = np.random.default_rng(11)
+    for _ in range(60):
+        pair = []
+        for _ in range(2):
+            turn = np.linalg.qr(rng.normal(size=(3, 3)))[0] * 10 ** rng.uniform(-1, 0.5)
+            pair.append(np.array([0 * turn[0], turn[0], turn[0] + turn[1], turn[1]]) - (turn[0] + turn[1]) / 2)
+        small, large = sorted(pair, key=lambda c: np.abs(c).max())
+        normal = np.cross(large[1] - large[0], large[3] - large[0])
+        small += normal / np.linalg.norm(normal) * (np.linalg.norm(small[2]) * rng.uniform(1.3, 3)) + rng.uniform(-1, 1) * large[1]
+        small, large = quad(*small), quad(*large)
+        factors, exact = form_factors([small, large]), by_points(small, large)
+        assert factors[0, 1] == pytest.approx(exact, rel=2e-3)
+
+
+def test_a_box_that_all_but_stands_on_the_floor():
+    """Each floor patch under it is half hidden from the walls, with a step where the box begins; from the walls that is smooth."""
+    room = [p for wall in walls((0, 0, 0), (3, 2, 3)) for p in patches(wall, 3)] + walls((0.35, 0.02, 0.45), (1.4, 0.8, 1.3), inward=False)
+    factors = form_factors(room, one_sided=True)
+    assert np.abs(factors.row_sums - 1).max() < 5e-4
 
 
 def test_threads_change_no_byte():

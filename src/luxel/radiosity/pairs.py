@@ -263,22 +263,22 @@ def _alone(points_a, points_b, normal_a, normal_b, a, b, cut, wanted, floor, ter
 
 
 @jit.part
-def _gap(polygons, t, side):
-    """How far polygon t is from a `Side` at least, metres: above its plane, or beside the sphere around it; 0 if neither tells."""
+def _height(polygons, t, side):
+    """How far polygon t is above the plane of a `Side` at least, as a share of the side's size; no less than a thousandth."""
     low, _ = height_range(side.nx, side.ny, side.nz, side.x, side.y, side.z, polygons.corners[t], polygons.sides[t])
-    return max(low, 0.0)
+    return max(low / side.radius, 1e-3)
 
 
 @jit.part
 def _softer_on_first(polygons, a, b, blockers, found):
-    """Whether the hardest shadow between a and b is softer on a, relative to its size, than on b.
+    """Whether the hardest shadow between a and b is softer on a than on b: that is the one to integrate over.
 
-    An obstacle throws penumbras as wide as the one polygon is large, times the obstacle's distance to the other over that to the one.
+    The penumbra of an obstacle's edge is as wide on a as b is large, times the edge's distance to a over that to b. What a box that all but stands
+    on a polygon hides from it is a step; seen from far, the box hides a little more or less of the polygon.
     """
     hardest_a = hardest_b = math.inf
     for k in range(found):
-        near_a, near_b = _gap(polygons, blockers[k], a), _gap(polygons, blockers[k], b)
-        soft = (near_a + 1e-3 * a.radius) * b.radius / ((near_b + 1e-3 * b.radius) * a.radius)
+        soft = _height(polygons, blockers[k], a) / _height(polygons, blockers[k], b)
         hardest_a, hardest_b = min(hardest_a, soft), min(hardest_b, 1.0 / soft)
     return hardest_a >= hardest_b
 
