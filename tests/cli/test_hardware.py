@@ -113,6 +113,7 @@ def test_synth_places_and_routes(tmp_path, capsys):
     assert said["paper_MHz"] == 222.2
     (row,) = said["modules"]
     assert row["MHz, least"] == row["MHz"] == row["MHz, most"] == row["M a second"] > 150
+    assert (row["seeds"], row["of"]) == (1, "triangles")
     assert row["multipliers"] == 6  # two products of 22 x 22 bits, of which 5 x 5 are logic
     assert 500 < row["LUTs"] < 2000 > row["registers"] > 500
     assert row["memory, bits"] == 64 * 8  # 32 bits a result, sixteen deep at most

@@ -33,9 +33,10 @@ def on_ecp5(design: Design, folder: Path, seeds: int, device: str, speed: int, j
     found = ecp5.place(design, folder / design.name, seeds, device, speed, jobs)
     middle = median(found.fmax)
     return {
-        "module": design.name, "MHz": middle, "MHz, least": min(found.fmax), "MHz, most": max(found.fmax), "LUTs": found.luts,
-        "registers": found.registers, "multipliers": found.multipliers, "memory, bits": found.memory, "latency, clocks": latency(design),
-        "M a second": middle, "of": "fragments" if design.per_fragment else "triangles", "slowest path": found.path,
+        "module": design.name, "MHz": middle, "MHz, least": min(found.fmax), "MHz, most": max(found.fmax), "seeds": len(found.fmax),
+        "LUTs": found.luts, "registers": found.registers, "multipliers": found.multipliers, "memory, bits": found.memory,
+        "latency, clocks": latency(design), "M a second": middle, "of": "fragments" if design.per_fragment else "triangles",
+        "slowest path": found.path,
     }  # fmt: skip
 
 
