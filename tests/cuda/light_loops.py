@@ -14,7 +14,7 @@ _scatter = _light.scatter
 _begin_group = _light.begin_group
 _square = _light.square
 _multiply = _light.multiply
-_project = _light.project
+_measure = _light.measure
 _step = _light.step
 _turn = _light.turn
 _send_group = _light.send_group
@@ -71,9 +71,9 @@ def multiply(n, _, groups):
 
 
 @jit.kernel
-def project(n, _, groups):
+def measure(n, _, groups):
     for i in range(n):
-        _project(i, groups)
+        _measure(i, groups)
 
 
 @jit.kernel

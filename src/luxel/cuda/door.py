@@ -23,7 +23,7 @@ if importlib.util.find_spec("numba_cuda") is None:
 
 from numba import cuda
 
-__all__ = ["SIMULATED", "configured", "cuda", "function", "initialise", "kernel", "lent", "libdevice", "ptx", "typeof"]
+__all__ = ["SIMULATED", "configured", "cuda", "function", "initialise", "kernel", "lent", "libdevice"]
 
 SIMULATED = os.environ.get("NUMBA_ENABLE_CUDASIM", "0") not in ("", "0")
 libdevice: Any = None if SIMULATED else importlib.import_module("numba.cuda.libdevice")
@@ -74,7 +74,9 @@ def kernel(python: Callable[..., Any]) -> Any:
 
     def compile(signature: Any) -> Any:
         with _unfused():
-            return compile_as_numba_does(signature)
+            compiled = compile_as_numba_does(signature)
+        compiled.library._nvvm_options["fma"] = 0  # also if it is compiled again, for another card in the same machine
+        return compiled
 
     made.compile = compile
     return made
@@ -97,29 +99,6 @@ def lent(array: Any) -> Any:
     from numba.cuda.simulator.cudadrv.devicearray import FakeCUDAArray
 
     return FakeCUDAArray(array)
-
-
-def typeof(value: Any) -> Any:
-    """Numba's type of an argument."""
-    from numba.cuda.typing import typeof
-
-    return typeof.typeof(value)
-
-
-def ptx(grid: Any, arguments: tuple[Any, ...], capability: tuple[int, int]) -> str:
-    """What a kernel is compiled to, for arguments like these; no GPU is needed."""
-    from types import SimpleNamespace
-
-    from numba.cuda import dispatcher
-
-    signature = tuple(typeof(argument) for argument in arguments)
-    before = dispatcher.get_current_device
-    dispatcher.get_current_device = lambda: SimpleNamespace(compute_capability=capability)
-    try:
-        with _unfused():
-            return cuda.compile(grid.py_func, signature, device=False, abi="numba", cc=capability)[0]
-    finally:
-        dispatcher.get_current_device = before
 
 
 def initialise() -> Any:

@@ -15,7 +15,7 @@ _scatter = _light.scatter
 _begin_group = _light.begin_group
 _square = _light.square
 _multiply = _light.multiply
-_project = _light.project
+_measure = _light.measure
 _step = _light.step
 _turn = _light.turn
 _send_group = _light.send_group
@@ -88,11 +88,11 @@ def multiply(n, _, groups):
 
 
 @kernel
-def project(n, _, groups):
-    """`threads.light.project`."""
+def measure(n, _, groups):
+    """`threads.light.measure`."""
     i, _ = cuda.grid(2)
     if i < n:
-        _project(i, groups)
+        _measure(i, groups)
 
 
 @kernel

@@ -117,7 +117,7 @@ class ResidentTransport:
                     break
             gpu.launch(k.exchange, (count, STRIPS), groups)
             gpu.launch(k.multiply, (count, 1), groups)
-            gpu.launch(k.project, parts, groups)
+            gpu.launch(k.measure, parts, groups)
             gpu.launch(k.step, parts, before, _ENOUGH**2, groups)
             gpu.launch(k.turn, parts, before, _ENOUGH**2, groups)
         gpu.launch(k.send_groups, (count, 1), groups)

@@ -175,7 +175,7 @@ def multiply(p, groups):
 
 
 @part
-def project(t, groups):
+def measure(t, groups):
     """Share `t` of way times image."""
     for c in range(3):
         along = 0.0

@@ -1,0 +1,105 @@
+"""A GPU without a driver: Numba's own arrays and kernels, typed, compiled and given their arguments as for a card, and then not launched."""
+
+import re
+from importlib import import_module
+from types import SimpleNamespace
+
+import numpy as np
+
+from luxel import jit
+from luxel.cuda import door
+from luxel.cuda.device import Gpu
+
+BYTES = {"u8": 1, "b8": 1, "u32": 4, "b32": 4, "f32": 4, "u64": 8, "b64": 8, "f64": 8}
+
+
+class _Memory:
+    __cuda_memory__ = True
+    device_ctypes_pointer = SimpleNamespace(value=4096)
+    handle = SimpleNamespace(value=4096)
+
+    def view(self, *_):
+        return self
+
+    def __int__(self):
+        return 4096
+
+
+def install(patch):
+    """Let Numba believe in a card of compute capability 9.0. Returns what is launched: kernels of Numba by name of luxel's."""
+    dispatcher, codegen, devices = (import_module(f"numba.cuda.{name}") for name in ("dispatcher", "codegen", "cudadrv.devices"))
+    launched = {}
+    context = SimpleNamespace(device=SimpleNamespace(compute_capability=(9, 0), id=0))
+    patch.setattr(devices, "get_context", lambda *_: context)
+    patch.setattr(dispatcher, "get_current_device", lambda: context.device)
+    patch.setattr(codegen.CUDACodeLibrary, "_ensure_cc", lambda self, card: card or (9, 0))
+    patch.setattr(dispatcher._Kernel, "bind", lambda self: None)
+    patch.setattr(jit, "cache_folder", lambda: "")
+
+    def launch(self, arguments, *_):
+        launched[self.py_func.__name__] = self
+        check_arguments(self, arguments)
+
+    patch.setattr(dispatcher._Kernel, "launch", launch)
+    return launched
+
+
+def parameters(text):
+    """Kinds of the parameters of a kernel's PTX."""
+    head = text[text.index(".entry") :]
+    return re.findall(r"\.param \.(\w+)", head[: head.index("{")])
+
+
+def check_arguments(kernel, arguments):
+    """What Numba makes of the arguments is what the kernel's machine code expects, and no array is copied there and back."""
+    given, copied = [], []
+    for kind, value in zip(kernel.argument_types, arguments, strict=True):
+        kernel._prepare_args(kind, value, 0, copied, given)
+    assert not copied
+    wanted = parameters(kernel.library.get_asm_strs((9, 0))[0])
+    assert len(given) == len(wanted)
+    for value, kind in zip(given, wanted, strict=True):
+        size = 1 if isinstance(value, bool) else 8 if isinstance(value, int) else len(bytes(value)) if hasattr(value, "_type_") else None
+        assert size in (None, BYTES[kind])
+
+
+def array(shape, dtype, strides=None):
+    from_shape = import_module("numba.cuda.api").prepare_shape_strides_dtype
+    strides = from_shape(shape, None, np.dtype(dtype), "C")[1] if strides is None else strides
+    return import_module("numba.cuda.cudadrv.devicearray").DeviceNDArray(tuple(shape), strides, np.dtype(dtype), gpu_data=_Memory())
+
+
+class Stub(Gpu):
+    """`luxel.cuda.device.Gpu` on such a card. What it fetches makes every stage follow: one of each count, and one layer of blended triangles."""
+
+    def __init__(self):
+        self._door, self._cuda, self._simulated, self._number = door, door.cuda, False, 0
+        self.name, self.capability, self.layers = "stub", (9, 0), 1
+
+    def free_memory(self):
+        return 1 << 40
+
+    def array(self, host):
+        host = np.ascontiguousarray(host)
+        return array(host.shape, host.dtype, host.strides)
+
+    def empty(self, shape, dtype):
+        return array(shape, dtype)
+
+    def send(self, host, array):
+        assert (host.shape, host.dtype) == (array.shape, array.dtype)
+
+    def wait(self):
+        pass
+
+    def host(self, array):
+        if array.dtype == np.int64:
+            return np.ones(array.shape, np.int64)
+        if array.dtype == np.float64:  # groups of elements never settle, and light does at once
+            first = np.zeros(array.shape)
+            first[3 - array.ndim] = 1
+            return first
+        if array.shape == (1,):
+            self.layers -= 1
+            return np.array([self.layers >= 0])
+        return np.zeros(array.shape, array.dtype)
