@@ -18,13 +18,14 @@ import numpy as np
 from luxel import jit
 from luxel.arrays import Array
 from luxel.cluster.comm import Comm
+from luxel.raster.chunks import Chunks, Reach, chunks_of, reach
 from luxel.raster.geometry import Geometry
 from luxel.raster.project import View, Window
 
 BALANCES = ("dynamic", "static")
-_SAMPLED = 1 << 15  # triangles that are looked at, of a whole mesh
+_SAMPLED = 1 << 12  # triangles that are looked at, of a whole mesh
 _TRIANGLE, _PIXEL, _TILE = 20.0, 45.0, 2000.0  # nanoseconds, of a mesh of small triangles in one light: only their ratios count
-_FAITH = 0.7  # how much of a misjudgement is made good in the next picture
+_FAITH = 0.4  # how much of a misjudgement is made good in the next picture
 
 
 @jit.kernel
@@ -96,6 +97,7 @@ class Plan:
     def __init__(self, how: str = "dynamic") -> None:
         self.how = how
         self._known: dict[Window, Array] = {}  # measured cost of a tile over the guessed one
+        self._chunks: tuple[Array, Chunks] | None = None
         self._drawn: list[tuple[Window, Array, Array]] = []
 
     def cuts(self, costs: Callable[[], Array], window: Window, tiles: int, groups: int) -> Array:
@@ -106,6 +108,12 @@ class Plan:
         cuts = cut(guessed, groups)
         self._drawn.append((window, cuts, guessed))
         return cuts
+
+    def reach(self, geometry: Geometry, view: View, window: Window, bounds: tuple[int, int, int, int]) -> Reach:
+        """What of a geometry may touch these pixels of a window; its chunks are made once."""
+        if self._chunks is None or self._chunks[0] is not geometry.triangles:
+            self._chunks = geometry.triangles, chunks_of(geometry)
+        return reach(self._chunks[1], view, window, bounds)
 
     def learn(self, seconds: Array) -> None:
         """(groups,) float64: what each group took to draw what it was given since the last call."""

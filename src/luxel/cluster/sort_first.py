@@ -15,6 +15,7 @@ import numpy as np
 from luxel.arrays import Array
 from luxel.cluster.comm import Comm
 from luxel.cluster.plan import Plan, tile_costs
+from luxel.raster.chunks import Reach
 from luxel.raster.frame import Band
 
 Box = tuple[int, int, int, int]
@@ -78,6 +79,9 @@ class ScreenBand(Band):
         )  # fmt: skip
         self.began = time.perf_counter()
         return int(self.cuts[self.comm.rank]), int(self.cuts[self.comm.rank + 1])
+
+    def _reach(self, bounds: Box) -> Reach:
+        return self.plan.reach(self.seen.geometry, self.seen.view, self.window, bounds)
 
     def run(self, progress: Any = None) -> None:
         """Draw this rank's tiles, and bring them together."""

@@ -21,6 +21,7 @@ from luxel.cluster.plan import Plan, tile_costs
 from luxel.cluster.sort_first import Box, boxes, glue
 from luxel.memory import reusable
 from luxel.raster.bin import BLEND
+from luxel.raster.chunks import EVERYWHERE, Reach
 from luxel.raster.constants import NOTHING
 from luxel.raster.frame import NO_COLOR, NO_LINEAR, NO_SAMPLES, Band
 from luxel.raster.lanes import LANES
@@ -68,6 +69,9 @@ class ObjectBand(Band):
         )  # fmt: skip
         self.began = time.perf_counter()
         return int(cuts[team.number]), int(cuts[team.number + 1])
+
+    def _reach(self, bounds: Box) -> Reach:
+        return self.plan.reach(self.seen.geometry, self.seen.view, self.window, bounds) if self.team.groups > 1 else EVERYWHERE
 
     def _tile_bytes(self) -> int:  # the same on all ranks, whatever materials they have
         return 4 * self.pixels * (4 + 8 * self.colored)

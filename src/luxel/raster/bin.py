@@ -21,6 +21,11 @@ from luxel.raster.project import Window
 
 OPAQUE, MASK, BLEND = 0, 1, 2
 
+CHUNK_LOG2 = 8
+"""Of the number of triangles that are left out together."""
+ALL = np.empty(0, np.uint8)
+"""Of chunks: none is left out."""
+
 
 class Parts(NamedTuple):
     """Ranges of triangles that share a material: (p + 1,) int32 first triangles, and (p,) int32 alpha mode and whether back faces go."""
@@ -177,7 +182,7 @@ def keep_other(t, extra, place, triangles, screen, clipped_source, clipped_scree
 
 
 @jit.parallel_kernel
-def _count(queue, triangles, screen, clipped_source, clipped_screen, part_start, part_mode, part_cull, mode,
+def _count(queue, triangles, screen, clipped_source, clipped_screen, part_start, part_mode, part_cull, mode, wanted,
            low, high, bounds, tile_log2, across, kept, boxes, kept_count, counts):  # fmt: skip
     """Pass one: the survivors of each chunk, the box of tiles each touches, and how many fall in each tile."""
     triangles, screen, kept, boxes = jit.borrow(triangles), jit.borrow(screen), jit.borrow(kept), jit.borrow(boxes)
@@ -198,6 +203,9 @@ def _count(queue, triangles, screen, clipped_source, clipped_screen, part_start,
             stop = min(last, np.int64(part_start[part + 1]))
             if part_mode[part] != mode:
                 t = stop
+                continue
+            if len(wanted) > 0 and wanted[t >> CHUNK_LOG2] == 0:
+                t = min(stop, ((t >> CHUNK_LOG2) + 1) << CHUNK_LOG2)
                 continue
             n, cull, before = min(_BLOCK, stop - t), part_cull[part] != 0, place
             load_block(t, n, triangles, screen, c)
@@ -260,7 +268,7 @@ def _fill(queue, m, clipped_source, across, kept, boxes, kept_count, counts, ids
 
 
 def bin_triangles(triangles: Array, screen: Array, clipped: Clipped, parts: Parts, mode: int, pattern: Array, window: Window,
-                  tile: int, threads: int, bounds: tuple[int, int, int, int] | None = None) -> Bins:  # fmt: skip
+                  tile: int, threads: int, bounds: tuple[int, int, int, int] | None = None, wanted: Array = ALL) -> Bins:  # fmt: skip
     """Sort the triangles of the parts whose alpha mode is `mode` into tiles of `tile` (a power of two) pixels.
 
     Args:
@@ -270,6 +278,7 @@ def bin_triangles(triangles: Array, screen: Array, clipped: Clipped, parts: Part
         pattern: (s, 2) int32 sample positions in 1/256 pixel.
         window: Its width and height are binned.
         bounds: Left, top, right, bottom in pixels of the window: what lies outside is left out; None for all of it.
+        wanted: (chunks of 2^CHUNK_LOG2 triangles,) uint8, 0 for those that are left out; without rows: all are binned.
     """
     across, down = -(-window.width // tile), -(-window.height // tile)
     m, places = len(triangles), len(triangles) + len(clipped.source)
@@ -278,7 +287,7 @@ def bin_triangles(triangles: Array, screen: Array, clipped: Clipped, parts: Part
     kept_count, counts = np.zeros(chunks, np.int64), np.zeros((chunks, across * down), np.int32)
     threads = min(threads, chunks)
     jit.run(
-        _count, threads, triangles, screen, clipped.source, clipped.screen, *parts, mode, int(pattern.min()), int(pattern.max()),
+        _count, threads, triangles, screen, clipped.source, clipped.screen, *parts, mode, wanted, int(pattern.min()), int(pattern.max()),
         bounds or (0, 0, window.width, window.height), tile.bit_length() - 1, across, kept, boxes, kept_count, counts,
     )  # fmt: skip
     start = np.empty(across * down + 1, np.int32)

@@ -13,7 +13,7 @@ import numpy as np
 
 from luxel import jit
 from luxel.arrays import Array
-from luxel.raster.bin import NO_CLIPPED, Clipped
+from luxel.raster.bin import ALL, CHUNK_LOG2, NO_CLIPPED, Clipped
 from luxel.raster.constants import OUT_NAN, UNSAFE
 from luxel.raster.project import View, Window
 
@@ -105,13 +105,15 @@ def needs_clipping(screen, a, b, c):
 
 
 @jit.parallel_kernel
-def _find(queue, triangles, screen, found, count):
+def _find(queue, triangles, screen, wanted, found, count):
     """Triangles of each chunk that have an unsafe vertex and may be seen, in order, from found[chunk * _CHUNK] on."""
     m = len(triangles)
     chunk = jit.take(queue)
     while chunk * _CHUNK < m:
         place = chunk * _CHUNK
         for t in range(chunk * _CHUNK, min(m, (chunk + 1) * _CHUNK)):
+            if len(wanted) > 0 and wanted[t >> CHUNK_LOG2] == 0:
+                continue
             if needs_clipping(screen, triangles[t, 0], triangles[t, 1], triangles[t, 2]):
                 found[place] = t
                 place += 1
@@ -137,17 +139,18 @@ def _clip(queue, candidates, positions, triangles, m, least_depth, guard, window
         c = jit.take(queue)
 
 
-def clip(positions: Array, triangles: Array, screen: Array, view: View, window: Window, threads: int) -> Clipped:
+def clip(positions: Array, triangles: Array, screen: Array, view: View, window: Window, threads: int, wanted: Array = ALL) -> Clipped:
     """Cut the triangles that have unsafe vertices.
 
     Args:
         positions: (n, 3) float32 world positions.
         triangles: (m, 3) int32.
         screen: (n, 4) int32, from `project`.
+        wanted: As of `bin_triangles`.
     """
     chunks = -(-len(triangles) // _CHUNK)
     found, count = np.empty(len(triangles), np.int32), np.zeros(chunks, np.int64)
-    jit.run(_find, min(threads, chunks), triangles, screen, found, count)
+    jit.run(_find, min(threads, chunks), triangles, screen, wanted, found, count)
     candidates = np.concatenate([found[i * _CHUNK : i * _CHUNK + n] for i, n in enumerate(count)] + [found[:0]])
     if not len(candidates):
         return NO_CLIPPED

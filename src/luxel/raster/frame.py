@@ -18,6 +18,7 @@ from luxel.errors import InputError
 from luxel.memory import reusable
 from luxel.raster import modelled, warm
 from luxel.raster.bin import BLEND, MASK, NO_CLIPPED, OPAQUE, bin_triangles
+from luxel.raster.chunks import EVERYWHERE, Reach
 from luxel.raster.clip import clip
 from luxel.raster.constants import MAX_SIZE
 from luxel.raster.cover import cover
@@ -176,17 +177,26 @@ class Band:
     def _bin(self) -> None:
         """Project, clip, and sort into tiles what may touch the chosen ones."""
         geometry, threads, window, o = self.seen.geometry, self.options.threads or 1, self.window, self.options
-        self.screen, unsafe = project(geometry.positions, self.seen.view, window, threads)
+        bounds = self._bounds()
+        wanted = self._reach(bounds)
+        self.screen, unsafe = project(geometry.positions, self.seen.view, window, threads, wanted.blocks)
         self.clock.lap("project")
-        self.clipped = clip(geometry.positions, geometry.triangles, self.screen, self.seen.view, window, threads) if unsafe else NO_CLIPPED
+        self.clipped = NO_CLIPPED
+        if unsafe:
+            self.clipped = clip(geometry.positions, geometry.triangles, self.screen, self.seen.view, window, threads, wanted.chunks)
         self.clock.lap("clip")
-        modes, bounds = set(geometry.parts.alpha_mode.tolist()) | {OPAQUE}, self._bounds()
+        modes = set(geometry.parts.alpha_mode.tolist()) | {OPAQUE}
         self.bins = {
-            mode: bin_triangles(geometry.triangles, self.screen, self.clipped, geometry.parts, mode, o.positions, window, o.tile, threads, bounds)
+            mode: bin_triangles(geometry.triangles, self.screen, self.clipped, geometry.parts, mode, o.positions, window, o.tile, threads, bounds,
+                                wanted.chunks)
             for mode in modes
-        }
+        }  # fmt: skip
         self.drawn = drawn(geometry, self.screen, self.clipped)
         self.clock.lap("bin")
+
+    def _reach(self, bounds: tuple[int, int, int, int]) -> Reach:
+        """What may touch these pixels."""
+        return EVERYWHERE
 
     def _bounds(self) -> tuple[int, int, int, int]:
         """Left, top, right, bottom in pixels of what the chosen tiles need."""

@@ -36,7 +36,9 @@ from luxel.raster.constants import (
 )
 
 _CHUNK = 16384
-_BLOCK = 256
+_ALL = np.empty(0, np.uint8)
+BLOCK = 256
+"""Vertices that are projected together."""
 
 
 class Window(NamedTuple):
@@ -127,7 +129,7 @@ def why_unsafe(m, x, y, z, least_depth):
 
 
 @jit.parallel_kernel
-def _project(queue, positions, m, least_depth, window, screen, screen_f, unsafe):
+def _project(queue, positions, m, least_depth, window, wanted, screen, screen_f, unsafe):
     n = len(positions)
     wx, wy = np.float64(window[0]) * 256.0, np.float64(window[1]) * 256.0
     half_w, half_h = np.float64(window[4]) * 128.0, np.float64(window[5]) * 128.0
@@ -136,14 +138,16 @@ def _project(queue, positions, m, least_depth, window, screen, screen_f, unsafe)
         m[2, 0], m[2, 1], m[2, 2], m[2, 3], m[3, 0], m[3, 1], m[3, 2], m[3, 3],
     )  # fmt: skip
     # Blocks of planar arrays and one short loop a step, so that the arithmetic runs in vector registers: five times as fast.
-    px, py, pz = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
-    fx, fy, fd, fw = np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK)
-    wrong = np.empty(_BLOCK, np.int64)
+    px, py, pz = np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32), np.empty(BLOCK, np.float32)
+    fx, fy, fd, fw = np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK)
+    wrong = np.empty(BLOCK, np.int64)
     chunk = jit.take(queue)
     while chunk * _CHUNK < n:
         bad = 0
-        for start in range(chunk * _CHUNK, min(n, (chunk + 1) * _CHUNK), _BLOCK):
-            count = min(_BLOCK, n - start)
+        for start in range(chunk * _CHUNK, min(n, (chunk + 1) * _CHUNK), BLOCK):
+            if len(wanted) > 0 and wanted[start // BLOCK] == 0:
+                continue
+            count = min(BLOCK, n - start)
             for i in range(count):
                 px[i], py[i], pz[i] = positions[start + i, 0], positions[start + i, 1], positions[start + i, 2]
             for i in range(count):
@@ -171,13 +175,16 @@ def _project(queue, positions, m, least_depth, window, screen, screen_f, unsafe)
         chunk = jit.take(queue)
 
 
-def project(positions: Array, view: View, window: Window, threads: int) -> tuple[Array, int]:
-    """Project (n, 3) float32 positions; returns (screen (n, 4) int32, how many vertices are unsafe and need clipping)."""
+def project(positions: Array, view: View, window: Window, threads: int, wanted: Array = _ALL) -> tuple[Array, int]:
+    """Project (n, 3) float32 positions; returns (screen (n, 4) int32, how many vertices are unsafe and need clipping).
+
+    `wanted`: (blocks of BLOCK vertices,) uint8, 0 for those that are left out, whose rows are undefined; without rows: all are projected.
+    """
     n = len(positions)
     screen = reusable((n, 4), np.int32)
     unsafe = np.zeros(n // _CHUNK + 1, np.int64)
     jit.run(
         _project, min(threads, len(unsafe)), positions, view.clip_from_world, view.least_depth,
-        np.array(window, np.int64), screen, screen.view(np.float32), unsafe,
+        np.array(window, np.int64), wanted, screen, screen.view(np.float32), unsafe,
     )  # fmt: skip
     return screen, int(unsafe.sum())
