@@ -97,14 +97,26 @@ class Plan:
     def __init__(self, how: str = "dynamic") -> None:
         self.how = how
         self._known: dict[Window, Array] = {}  # measured cost of a tile over the guessed one
+        self._counted: dict[Window, tuple[Array, Array]] = {}
         self._chunks: tuple[Array, Chunks] | None = None
         self._drawn: list[tuple[Window, Array, Array]] = []
 
-    def cuts(self, costs: Callable[[], Array], window: Window, tiles: int, groups: int) -> Array:
-        """(groups + 1,) int64: group g draws the tiles cuts[g] .. cuts[g + 1] - 1. All ranks must ask; `costs` gives those of the tiles."""
+    def cuts(self, costs: Callable[[], Array], window: Window, tiles: int, groups: int, view: Array | None = None) -> Array:
+        """(groups + 1,) int64: group g draws the tiles cuts[g] .. cuts[g + 1] - 1.
+
+        Args:
+            costs: Gives those of the tiles; called on all ranks, or on none.
+            window: Of the picture.
+            tiles: Of the window.
+            groups: How many share them.
+            view: (4, 4) clip_from_world; if it is that of the picture before, so are the costs, as they have been measured.
+        """
         if self.how == "static" or groups == 1:
             return cut(np.ones(tiles), groups)
-        guessed = costs() * self._known.get(window, 1.0)
+        before = self._counted.get(window)
+        if before is None or view is None or not np.array_equal(before[0], view):
+            self._counted[window] = before = np.eye(4) if view is None else view, costs()
+        guessed = before[1] * self._known.get(window, 1.0)
         cuts = cut(guessed, groups)
         self._drawn.append((window, cuts, guessed))
         return cuts

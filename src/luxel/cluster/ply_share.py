@@ -164,13 +164,20 @@ def _normals(vertex: _Table, file: IO[bytes], first: int, last: int) -> bool | N
 def _vertices(vertex: _Table, file: IO[bytes], corners: Array) -> tuple[Columns, Array]:
     """The columns of the vertices that the triangles (k, 3) have, and the triangles' corners (3 k,) among them; what is out of range is -1."""
     flat = corners.reshape(-1)
-    good = (flat >= 0) & (flat < vertex.rows)
-    low, high = (int(flat[good].min()), int(flat[good].max()) + 1) if good.any() else (0, 0)
-    used = np.zeros(high - low, bool)
-    used[flat[good] - low] = True
+    parts = [flat[start : start + ROWS] for start in range(0, len(flat), ROWS)]  # no second copy of the whole
+    low, high = vertex.rows, 0
+    for part in parts:
+        good = part[(part >= 0) & (part < vertex.rows)]
+        low, high = min(low, int(good.min(initial=vertex.rows))), max(high, int(good.max(initial=-1)) + 1)
+    used = np.zeros(max(0, high - low), bool)
+    for part in parts:
+        used[part[(part >= 0) & (part < vertex.rows)] - low] = True
     number = np.cumsum(used, dtype=np.int32) - np.int32(1)
-    local = np.full(len(flat), -1, np.int32)
-    local[good] = number[flat[good] - low]
+    local = corners.reshape(-1) if corners.dtype == np.int32 else np.empty(len(flat), np.int32)
+    for start, part in zip(range(0, len(flat), ROWS), parts, strict=True):
+        good = (part >= 0) & (part < vertex.rows)
+        local[start : start + ROWS] = np.where(good, number[np.where(good, part, low) - low] if len(number) else 0, -1)
+    del number
     columns = {name: np.empty(int(used.sum()), vertex.dtype[field].newbyteorder("=")) for name, field in vertex.fields.items()}
     at = 0
     for start, rows in vertex.read(file, low, high):

@@ -65,7 +65,7 @@ class ObjectBand(Band):
         o, team = self.options, self.team
         cuts = self.plan.cuts(
             lambda: tile_costs(self.seen.geometry, self.seen.view, self.window, o.tile, len(o.positions), team.world, True),
-            self.window, self.across * self.down, team.groups,
+            self.window, self.across * self.down, team.groups, self.seen.view.clip_from_world,
         )  # fmt: skip
         self.began = time.perf_counter()
         return int(cuts[team.number]), int(cuts[team.number + 1])
