@@ -130,12 +130,17 @@ def reference(case: Case, baked: Baked, keep: Path | None) -> tuple[Mitsuba, Tru
     if path is not None and path.exists():
         stored: Truth = pickle.loads(path.read_bytes())
         if np.array_equal(stored.chosen, chosen):
-            return peer, stored
+            return peer, _alone(peer, stored)
     found = truth(peer, chosen, case.samples)
     if path is not None:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(pickle.dumps(found))
-    return peer, found
+    return peer, _alone(peer, found)
+
+
+def _alone(peer: Mitsuba, found: Truth) -> Truth:
+    kept = peer.alone(found.chosen)
+    return replace(found, chosen=found.chosen[kept], irradiance=found.irradiance[kept])
 
 
 def truth_table(chosen: list[Case], keep: Path | None) -> str:

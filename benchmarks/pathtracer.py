@@ -88,6 +88,22 @@ class Mitsuba:
             ok[chosen] &= sight.visible(middle, around[k]) & sight.visible(around[k], around[(k + 1) % 4])
         return ok
 
+    def alone(self, chosen: Any) -> Any:
+        """(k,) bool: chosen luxels with no other chart's in the same place: of two surfaces that lie in each other either may be what a ray meets."""
+        from scipy.spatial import KDTree
+
+        luxels, side = self.baked.luxels, np.sqrt(self.baked.luxels.area)
+        near = KDTree(luxels.position).query_ball_point(luxels.position[chosen], 0.75 * side[chosen])
+        return np.array([not any(self._coincide(i, np.array(others))) for i, others in zip(chosen, near, strict=True)])
+
+    def _coincide(self, i: int, others: Any) -> Any:
+        luxels = self.baked.luxels
+        height = np.abs((luxels.position[others] - luxels.position[i]) @ luxels.face_normal[i])
+        parallel = np.abs(luxels.face_normal[others] @ luxels.face_normal[i]) > 0.99
+        across = np.linalg.norm(luxels.position[others] - luxels.position[i], axis=1)
+        beside = (luxels.chart[others] != luxels.chart[i]) & (across < 0.75 * np.sqrt(luxels.area[i]))
+        return beside & parallel & (height < 2 * self.lift)
+
     def _texel_areas(self) -> Any:
         """(n,) m2 of surface that a whole texel of each luxel's triangle has."""
         triangles = self.geometry.triangles[self.baked.luxels.triangle]

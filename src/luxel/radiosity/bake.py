@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from functools import cache, cached_property
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -32,6 +32,7 @@ from luxel.radiosity.occlusion import Occlusion, prepare
 from luxel.radiosity.pages import triangle_pages
 from luxel.radiosity.rays import scene_masks
 from luxel.radiosity.relight import Transport, transport_of
+from luxel.radiosity.sky import shine_sky, split
 from luxel.radiosity.solve import Problem, Rows, State, Step, ambient, complete, element_steps, light_steps, patch_steps, start
 from luxel.radiosity.unwrap import Atlas, unwrap
 from luxel.raster.bin import BLEND
@@ -57,7 +58,7 @@ _MOST_BACKS = 0.5
 _FEW_VALID, _MUCH_LOST = 0.5, 0.98
 """Shares of valid luxels and of escaped light that are worth a word."""
 
-_SKY_DIRECTIONS = {"draft": 128, "normal": 512, "final": 2048, "reference": 2048}
+_SUN_DIRECTIONS = 2048  # all around: what is much brighter than the rest of the sky is put into these
 _SAVE_EVERY = 30.0  # seconds
 
 
@@ -176,19 +177,14 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
     threads = jit.checked_threads(threads)
     clock = Clock()
     prepared = _prepare(scene, settings, density, page, threads, clock)
-    punctual, table = _lights(prepared.atlas.scene, sky, quality if isinstance(quality, str) else "normal")
+    lamps = _lamps(prepared.atlas.scene, sky)
     problem = prepared.cut.problem
-    if problem.lights is None and not len(table):
+    if problem.lights is None and not len(lamps.table) and lamps.sky is None:
         raise InputError("bake: nothing shines: expected an emissive material, a light or a sky")
     keep = transport or layers
-    rows, light_rows = _room(problem, settings, keep)
-    state = start(problem, shine(prepared.rays, problem.elements, table, prepared.reach, threads) if len(table) else None)
-    still = state.direct.copy()
-    clock.lap("direct")
-    key = saving.fingerprint(prepared.geometry, prepared.luxels, problem.exitance, table, settings) if checkpoint else ""
-    if checkpoint and resume:
-        state = saving.load(Path(checkpoint), key, state) or state
-    deadline = time.monotonic() + seconds if seconds is not None else None
+    rays = (settings.seen or _SEEN) * (1 if lamps.sky is None else 2)
+    rows, light_rows = _room(problem, settings.seen > 0, rays, keep)
+    state = start(problem)
 
     def told(looked: float) -> None:
         if progress:
@@ -196,8 +192,15 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
 
     @cache
     def sight() -> Sight:
-        return see_around(prepared.view, settings.seen or _SEEN, threads, told)
+        return see_around(prepared.view, rays, threads, told)
 
+    still = lamps.shine(prepared, sight, slice(None), True, threads)
+    state = start(problem, still)
+    clock.lap("direct")
+    key = saving.fingerprint(prepared.geometry, prepared.luxels, problem.exitance, still, settings) if checkpoint else ""
+    if checkpoint and resume:
+        state = saving.load(Path(checkpoint), key, state) or state
+    deadline = time.monotonic() + seconds if seconds is not None else None
     steps = [light_steps(problem, state, light_rows, threads)]
     if settings.seen:
         steps.append(element_steps(problem, state, sight, settings.tolerance, threads))
@@ -221,24 +224,24 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
         baked.transport = kept if transport else None
         clock.lap("transport")
         if layers:
-            baked.layers = _layers(prepared, kept, punctual, table, threads)
+            baked.layers = _layers(prepared, kept, lamps, sight, threads)
             clock.lap("layers")
     return baked
 
 
-def _room(problem: Problem, settings: Quality, keep: bool) -> tuple[Rows, Rows]:
+def _room(problem: Problem, elements_shoot: bool, rays: int, keep: bool) -> tuple[Rows, Rows]:
     """Where rows are kept: of the patches what fits, if they shoot; of the lights all if they must be."""
     n, patches = problem.elements.numbers.shape[1], len(problem.patches.tree.patches)
     lights = 0 if problem.lights is None else len(problem.lights.tree.patches)
-    wanted = 2 * n * lights + 4 * n * (settings.seen or _SEEN)
+    wanted = 2 * n * lights + 4 * n * rays
     if keep and wanted > _MOST_KEPT:
         raise InputError(f"transport: {wanted / 1e9:.1f} GB for {lights} lights and {n} luxels, at most {_MOST_KEPT / 1e9:.0f} GB: bake coarser")
-    return Rows(patches, n, 0 if settings.seen else _ROW_BYTES), Rows(lights, n, wanted if keep else 0)
+    return Rows(patches, n, 0 if elements_shoot else _ROW_BYTES), Rows(lights, n, wanted if keep else 0)
 
 
-def _layers(prepared: _Prepared, kept: Transport, punctual: int, table: Array, threads: int) -> dict[str, Array]:
-    """(n, 3) float32 irradiance by lamp: objects with emissive surfaces, lights of the scene (the first rows of `table`), the sky (the others)."""
-    scene, luxels, elements = prepared.atlas.scene, prepared.luxels, prepared.cut.problem.elements
+def _layers(prepared: _Prepared, kept: Transport, lamps: _Lamps, sight: Callable[[], Sight], threads: int) -> dict[str, Array]:
+    """(n, 3) float32 irradiance by lamp: objects with emissive surfaces, lights of the scene, the sky."""
+    scene, luxels = prepared.atlas.scene, prepared.luxels
     layers: dict[str, Array] = {}
 
     def add(name: str, still: Array, emission: Array) -> None:
@@ -254,9 +257,9 @@ def _layers(prepared: _Prepared, kept: Transport, punctual: int, table: Array, t
         name = next((i.name for i in drawn if i.object == number and i.name), f"object {number}")
         add(name, nothing.copy(), np.where((objects == number)[:, None], luxels.emission, dark))
     for row, light in enumerate(scene.lights):
-        add(light.name or f"light {row}", shine(prepared.rays, elements, table[row : row + 1], prepared.reach, threads), dark)
-    if len(table) > punctual:
-        add("sky", shine(prepared.rays, elements, table[punctual:], prepared.reach, threads), dark)
+        add(light.name or f"light {row}", lamps.shine(prepared, sight, slice(row, row + 1), False, threads), dark)
+    if lamps.sky is not None:
+        add("sky", lamps.shine(prepared, sight, slice(lamps.own, None), True, threads), dark)
     return layers
 
 
@@ -269,6 +272,8 @@ def _quality(quality: str | Quality, tolerance: float | None) -> Quality:
         if not 0 < tolerance <= 1:
             raise InputError(f"tolerance: expected a share between 0 and 1, got {tolerance!r}")
         quality = quality._replace(tolerance=float(tolerance))
+    if quality.seen < 0 or quality.seen & (quality.seen - 1):
+        raise InputError(f"quality: expected a power of two as the number of rays that elements see by, or 0, got {quality.seen!r}")
     return quality
 
 
@@ -318,15 +323,34 @@ def _two_sided(scene: Scene, geometry: Geometry) -> Array:
     return sided[geometry.part_material[part_of(geometry, np.arange(len(geometry.triangles)))]]
 
 
-def _lights(scene: Scene, sky: Any, quality: str) -> tuple[int, Array]:
-    """Every light without a surface, as a `light_table`, and how many are the scene's own: the others are the sky."""
+class _Lamps(NamedTuple):
+    """Every light without a surface: a `light_table`, its first `own` rows the scene's lights and the others the sun; and an even sky."""
+
+    table: Array
+    own: int
+    sky: Array | None
+
+    def shine(self, prepared: _Prepared, sight: Callable[[], Sight], rows: slice, sky: bool, threads: int) -> Array:
+        """(3, n) float32: irradiance of the elements from some of the lights, W/m2."""
+        table, elements = self.table[rows], prepared.cut.problem.elements
+        received = shine(prepared.rays, elements, table, prepared.reach, threads)
+        return received + shine_sky(prepared.view, sight().hits, self.sky, threads) if sky and self.sky is not None else received
+
+
+def _lamps(scene: Scene, sky: Any) -> _Lamps:
     table = light_table(scene.lights)
     if sky is None:
-        return len(table), table
-    radiance = np.full(3, float(sky)) if np.ndim(sky) == 0 else sky
+        return _Lamps(table, len(table), None)
+    radiance = np.full(3, float(sky)) if np.ndim(sky) == 0 else np.asarray(sky)
     if not (np.isfinite(radiance).all() and np.min(radiance) >= 0):
         raise InputError("sky: expected finite radiance of at least 0")
-    return len(table), np.concatenate([table, sky_table(radiance, _SKY_DIRECTIONS[quality])])
+    if radiance.shape != (3,) and (radiance.ndim != 3 or radiance.shape[2] != 3 or not radiance.size):
+        raise InputError(f"sky: expected a number, (3,) or (h, w, 3), got {radiance.shape}")
+    if not radiance.any():
+        return _Lamps(table, len(table), None)
+    even, sun = split(radiance)
+    suns = sky_table(sun, _SUN_DIRECTIONS) if (sun > 0).any() else table[:0]
+    return _Lamps(np.concatenate([table, suns]), len(table), even)
 
 
 def _per_luxel(prepared: _Prepared, values: Array) -> Array:

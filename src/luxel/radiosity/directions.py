@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from luxel import jit
@@ -22,9 +24,21 @@ def cosine_directions(n: int, first: int = 0) -> Array:
     """(n, 3) float64 unit vectors with density cos / pi about +z; the first `first` and the rest are each even (Hammersley points)."""
     groups = [first, n - first] if first else [n]
     points = [np.stack([(np.arange(k) + 0.5) / k, (_van_der_corput(k) + 0.5 / k) % 1.0], 1) for k in groups]
-    u, v = np.concatenate(points).T
-    radius, angle = np.sqrt(u), 2 * np.pi * v
-    return np.stack([radius * np.cos(angle), radius * np.sin(angle), np.sqrt(1 - u)], 1)
+    return np.array([_on_hemisphere(float(u), float(v)) for u, v in np.concatenate(points)])
+
+
+def _on_hemisphere(u, v):
+    """From the unit square to the hemisphere about +z, by the cosine: cells stay compact (Shirley, Chiu 1997, "A low distortion map between disk and
+    square")."""
+    a, b = 2.0 * u - 1.0, 2.0 * v - 1.0
+    if abs(a) > abs(b):
+        radius, angle = a, math.pi / 4 * (b / a)
+    else:
+        radius, angle = b, math.pi / 2 - (math.pi / 4 * (a / b) if b != 0.0 else 0.0)
+    return radius * math.cos(angle), radius * math.sin(angle), math.sqrt(max(1.0 - radius * radius, 0.0))
+
+
+on_hemisphere = jit.part(_on_hemisphere)
 
 
 def sphere_directions(n: int) -> Array:

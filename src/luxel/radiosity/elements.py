@@ -55,7 +55,7 @@ class Quality(NamedTuple):
 
 
 QUALITIES = {
-    "draft": Quality(16, 64, 0, 64, 0, 5e-3),
+    "draft": Quality(16, 64, 0, 64, 0),
     "normal": Quality(64, 128, 4, 128, 0),
     "final": Quality(256, 128, 16, 128, 1024),
     "reference": Quality(256, 16, 64, 256, 4096, exact=True),

@@ -113,7 +113,7 @@ def _look(queue, scene, numbers, frames, directions, reach, lookup, first, hits)
             packet.meet_all(scene, c, stack)
             for r in range(np.uint64(width)):
                 item, at = float_bits(c[FOUND + r]), c[AT + r]
-                met = np.int32(NOWHERE)
+                met = np.int32(NOWHERE if at > np.float32(0.0) else BACK)  # below the surface it meets its own back
                 if item >= 0:
                     x, y, z = c[OX + r] + c[DX + r] * at, c[OY + r] + c[DY + r] * at, c[OZ + r] + c[DZ + r] * at
                     met = _element_at(scene.triangle[item], 1 if c[SLOPE + r] > np.float32(0.0) else 0, x, y, z, lookup)

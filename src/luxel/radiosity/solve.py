@@ -28,6 +28,7 @@ from luxel.radiosity.transport import BLOCK, Elements, Occluders, Shooters, Visi
 _BATCH = 128
 _SHARE = 16  # of the patches, at most, shoot at a time: the brightest are known anew after each batch
 _MOST_GROUPS = 512
+_HERE = 5.0
 _SCALE_RANGE = 0.25, 4.0
 """A row's sum is put right by no more than this; what is left over counts as escaped."""
 
@@ -287,8 +288,12 @@ def patch_steps(problem: Problem, state: State, rows: Rows, tolerance: float, th
 
 
 def element_steps(problem: Problem, state: State, sight: Callable[[], Sight], tolerance: float, threads: int) -> Iterator[State]:
-    """Let all elements shoot at once, through what they see, until what is unshot is below `tolerance`; yields the state after each time."""
-    while _much(state, tolerance):
+    """Let all elements shoot at once, through what they see; yields the state after each time.
+
+    Until what is unshot is below `tolerance` of what was emitted, and little of what a luxel has received, on the average: under a sky little of all
+    the light is much of what comes through a window.
+    """
+    while _much(state, tolerance) or _much_here(state, _HERE * tolerance):
         gained, away = pass_on(sight(), np.ascontiguousarray(state.unshot.T), problem.elements.numbers[AREA], threads)
         state.escaped = state.escaped + away
         state.unshot[:] = 0
@@ -300,6 +305,12 @@ def element_steps(problem: Problem, state: State, sight: Callable[[], Sight], to
 def _much(state: State, tolerance: float) -> bool:
     """Whether there is still light to shoot."""
     return bool(state.power.sum() > tolerance * state.emitted.sum())
+
+
+def _much_here(state: State, tolerance: float) -> bool:
+    """Whether elements have, on the average, more to shoot than this share of what they have received."""
+    unshot, received = state.unshot.sum(0), state.received.sum(0)
+    return bool(np.divide(unshot, received, out=np.zeros_like(unshot), where=received > 0).mean(dtype=np.float64) > tolerance)
 
 
 def _write(state: State, problem: Problem, shots: int) -> None:

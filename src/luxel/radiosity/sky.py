@@ -1,0 +1,147 @@
+"""Sky: its light on every element, from what elements see.
+
+The rays by which elements look around lie one each in cells of equal weight of the hemisphere (Hammersley points). A cell whose neighbours agree with
+it, for this element and those beside it, on whether the sky is there is taken as a whole; any other has sixteen rays more. What is much
+brighter than the rest, such as the sun, is left to directional lights (`direct`).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from luxel import jit
+from luxel.arrays import Array
+from luxel.jit import float_bits
+from luxel.radiosity import packet
+from luxel.radiosity.directions import on_hemisphere, turned
+from luxel.radiosity.element import GX, GY, GZ, LIFT, NX, NZ, SPOTS, point_of
+from luxel.radiosity.gather import NOWHERE, View
+from luxel.radiosity.hemicube import frames_of
+from luxel.radiosity.packet import AT, DX, DY, DZ, FOUND, OX, OY, OZ, WIDTH
+
+_BRIGHT = 8.0  # times the mean: beyond, a pixel's light is directional lights'
+_COARSE, _FINE = 16, 64  # rows of the pictures that cells, and parts of cells, are looked up in
+_TOGETHER = 16  # elements that tell each other what they see: a window too small for the rays of one is found by those of others
+_NO_SKY, _SKY, _EDGE = range(3)
+_PART = 4  # parts along a side of a cell: 16 rays are a packet
+
+
+def split(sky: Array) -> tuple[Array, Array]:
+    """A sky (3,) or (h, w, 3), W/(m2 sr), as what is even enough for cells, (h, w, 3), and the rest, (h, w, 3): the sun."""
+    picture = np.asarray(sky, np.float64).reshape(1, 1, 3) if np.ndim(sky) == 1 else np.asarray(sky, np.float64)
+    ring = np.sin((np.arange(len(picture)) + 0.5) / len(picture) * np.pi)[:, None]
+    level = picture.sum(2)
+    most = _BRIGHT * (level * ring).sum() / (ring.sum() * level.shape[1])
+    even = picture * np.minimum(1.0, most / np.maximum(level, 1e-300))[:, :, None]
+    return even, picture - even
+
+
+def _shrunk(picture: Array, rows: int) -> Array:
+    """At most so many rows, and twice as many columns: (h, w, 3) float32 means, each row of pixels by its solid angle."""
+    ring = np.sin((np.arange(len(picture)) + 0.5) / len(picture) * np.pi)[:, None, None]
+    for axis, most in ((0, rows), (1, 2 * rows)):
+        size = picture.shape[axis]
+        if size > most:
+            starts = np.arange(most) * size // most
+            weight = np.broadcast_to(ring, picture.shape) if axis == 0 else np.ones_like(picture)
+            picture = np.add.reduceat(picture * weight, starts, axis) / np.add.reduceat(weight, starts, axis)
+    return np.ascontiguousarray(picture, np.float32)
+
+
+@jit.part
+def _pixel(picture, dx, dy, dz):
+    """Row and column of a picture all around: +y up, the middle column along -z."""
+    rows, columns = picture.shape[0], picture.shape[1]
+    row = np.int64(math.acos(min(max(dy, -1.0), 1.0)) / math.pi * rows)
+    column = np.int64((math.atan2(dx, -dz) / (2 * math.pi) + 0.5) * columns)
+    return min(row, rows - 1), min(column, columns - 1)
+
+
+@jit.part
+def _cut(numbers, frame, i, a, b, wide, high, reach, local, c):
+    """Sixteen rays through the parts of a cell, as a packet."""
+    for r in range(np.uint64(WIDTH)):
+        k = np.int64(r)
+        local[0], local[1], local[2] = on_hemisphere((a + (k % _PART + 0.5) / _PART) / wide, (b + (k // _PART + 0.5) / _PART) / high)
+        dx, dy, dz = turned(frame, local)
+        c[OX + r], c[OY + r], c[OZ + r] = point_of(numbers, i, SPOTS, LIFT)
+        c[DX + r], c[DY + r], c[DZ + r] = dx, dy, dz
+        c[AT + r] = reach if numbers[GX, i] * dx + numbers[GY, i] * dy + numbers[GZ, i] * dz > 0.0 else np.float32(0.0)
+
+
+@jit.part
+def _classify(hits, cell, first, last, wide, high, seen, kind):
+    """Whether each cell of neighbouring elements is sky, no sky, or at an edge: where some of them, or some cells about it, disagree."""
+    seen[:] = 0
+    for i in range(first, last):
+        for k in range(len(cell)):
+            if hits[i, k] == NOWHERE:
+                seen[cell[k, 0], cell[k, 1]] += 1
+    some, every = False, last - first
+    for a in range(wide):
+        for b in range(high):
+            least, most = every, 0
+            for r in range(max(a - 1, 0), min(a + 2, wide)):
+                for s in range(max(b - 1, 0), min(b + 2, high)):
+                    least, most = min(least, seen[r, s]), max(most, seen[r, s])
+            kind[a, b] = _NO_SKY if most == 0 else (_SKY if least == every else _EDGE)
+            some |= most > 0
+    return some
+
+
+@jit.parallel_kernel
+def _gather(queue, scene, numbers, frames, reach, hits, cell, wide, high, coarse, fine, result):
+    own_c, own_stack = np.zeros(packet.SCRATCH, np.float32), np.zeros(packet.STACK, np.int32)
+    own_seen, own_kind, own_local = np.zeros((wide, high), np.int32), np.zeros((wide, high), np.int32), np.zeros(3)
+    c, stack, seen, kind, local = jit.borrow(own_c), jit.borrow(own_stack), jit.borrow(own_seen), jit.borrow(own_kind), jit.borrow(own_local)
+    scene, numbers, frames, hits, cell = jit.borrow(scene), jit.borrow(numbers), jit.borrow(frames), jit.borrow(hits), jit.borrow(cell)
+    coarse, fine, result = jit.borrow(coarse), jit.borrow(fine), jit.borrow(result)
+    chunk = jit.take(queue)
+    while chunk * _TOGETHER < len(hits):
+        first, last = chunk * _TOGETHER, min(len(hits), (chunk + 1) * _TOGETHER)
+        some = _classify(hits, cell, first, last, wide, high, seen, kind)
+        for i in range(first, last):
+            red = green = blue = 0.0
+            for a in range(wide if some else 0):
+                for b in range(high):
+                    if kind[a, b] == _SKY:
+                        local[0], local[1], local[2] = on_hemisphere((a + 0.5) / wide, (b + 0.5) / high)
+                        dx, dy, dz = turned(frames[i], local)
+                        row, column = _pixel(coarse, dx, dy, dz)
+                        red, green, blue = red + coarse[row, column, 0], green + coarse[row, column, 1], blue + coarse[row, column, 2]
+                    elif kind[a, b] == _EDGE:
+                        _cut(numbers, frames[i], i, a, b, wide, high, reach, local, c)
+                        packet.meet_all(scene, c, stack)
+                        for r in range(np.uint64(WIDTH)):
+                            if float_bits(c[FOUND + r]) < 0 and c[AT + r] > np.float32(0.0):
+                                row, column = _pixel(fine, c[DX + r], c[DY + r], c[DZ + r])
+                                red += fine[row, column, 0] / WIDTH
+                                green += fine[row, column, 1] / WIDTH
+                                blue += fine[row, column, 2] / WIDTH
+            share = math.pi / (wide * high)
+            result[0, i], result[1, i], result[2, i] = red * share, green * share, blue * share
+        chunk = jit.take(queue)
+    own_c[0] = own_stack[0] + own_seen[0, 0] + own_kind[0, 0] + own_local[0]  # they live until here
+
+
+def cells(rays: int) -> tuple[Array, int, int]:
+    """The cell of each of so many rays, a power of two: (rays, 2) int32; and how many cells there are along each side of the square."""
+    bits = rays.bit_length() - 1
+    wide, high = 1 << bits // 2, 1 << (bits + 1) // 2
+    i = np.arange(rays)
+    turned_round = np.zeros(rays, np.int64)
+    for bit in range(bits):
+        turned_round |= ((i >> bit) & 1) << (bits - 1 - bit)
+    return np.stack([i * wide // rays, turned_round * high // rays], 1).astype(np.int32), wide, high
+
+
+def shine_sky(view: View, hits: Array, even: Array, threads: int) -> Array:
+    """(3, n) float32: irradiance, W/m2, that an `even` sky (h, w, 3) gives to elements that see `hits` (n, rays), rays a power of two."""
+    cell, wide, high = cells(hits.shape[1])
+    result = np.empty((3, len(hits)), np.float32)
+    frames = frames_of(view.numbers[NX : NZ + 1].T)
+    pictures = _shrunk(even, _COARSE), _shrunk(even, _FINE)
+    jit.run(_gather, threads, view.scene, view.numbers, frames, np.float32(view.reach), hits, cell, wide, high, *pictures, result)
+    return result

@@ -1,0 +1,187 @@
+"""What elements see, and the light that comes to them through it."""
+
+import numpy as np
+import pytest
+from closed import box, matte
+
+from luxel import Mesh, Scene, jit
+from luxel.radiosity import bake as module
+from luxel.radiosity import packet
+from luxel.radiosity.bake import bake
+from luxel.radiosity.directions import _on_hemisphere, cosine_directions
+from luxel.radiosity.element import FREE
+from luxel.radiosity.gather import LOST, NOWHERE, Sight, exchange_of, gather, pass_on
+from luxel.radiosity.hemicube import frames_of
+from luxel.radiosity.nearest import nearest
+from luxel.radiosity.occlusion import Masks, prepare
+from luxel.radiosity.sky import cells, split
+from luxel.radiosity.transfer import polygon_factor
+
+
+@jit.kernel
+def trace(scene, origins, directions, reach, found, at):
+    """Each ray by itself, and in packets: rows 0 and 1."""
+    own_c, own_stack = np.zeros(packet.SCRATCH, np.float32), np.zeros(packet.STACK, np.int32)
+    c, stack, scene = jit.borrow(own_c), jit.borrow(own_stack), jit.borrow(scene)
+    for first in range(0, len(origins), packet.WIDTH):
+        for r in range(np.uint64(packet.WIDTH)):
+            o, d = origins[first + r], directions[first + r]
+            found[0, first + r], _, share = nearest(scene, o[0], o[1], o[2], d[0] * reach, d[1] * reach, d[2] * reach)
+            at[0, first + r] = share * reach
+            c[packet.OX + r], c[packet.OY + r], c[packet.OZ + r] = o[0], o[1], o[2]
+            c[packet.DX + r], c[packet.DY + r], c[packet.DZ + r], c[packet.AT + r] = d[0], d[1], d[2], reach
+        packet.meet_all(scene, c, stack)
+        for r in range(np.uint64(packet.WIDTH)):
+            item = jit.float_bits(c[packet.FOUND + r])
+            found[1, first + r] = scene.triangle[item] if item >= 0 else -1
+            at[1, first + r] = c[packet.AT + r]
+    own_c[0] = own_stack[0]
+
+
+def traced(positions, triangles, origins, directions, masks=None):
+    found, at = np.zeros((2, len(origins)), np.int64), np.zeros((2, len(origins)))
+    trace(prepare(positions, triangles, masks), origins.astype(np.float64), directions.astype(np.float64), 10.0, found, at)
+    return found, at
+
+
+def test_a_packet_meets_what_its_rays_meet():
+    rng = np.random.default_rng(1)
+    positions = rng.random((900, 3)).astype(np.float32)
+    triangles = np.arange(900, dtype=np.int32).reshape(-1, 3)
+    positions[triangles[:, 1:]] = positions[triangles[:, :1]] + 0.2 * rng.normal(size=(300, 2, 3)).astype(np.float32)
+    origins = rng.random((4096, 3))
+    directions = rng.normal(size=(4096, 3))
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    directions[:64] = np.repeat(np.eye(3)[rng.integers(0, 3, 4)], 16, 0)  # along axes
+    found, at = traced(positions, triangles, origins, directions)
+    same = found[0] == found[1]
+    assert 0.3 < (found[0] >= 0).mean() < 1
+    assert same.mean() > 0.998  # the others pass an edge so near that single precision decides
+    both = same & (found[0] >= 0)
+    np.testing.assert_allclose(at[1, both], at[0, both], rtol=2e-3, atol=1e-5)
+
+
+def test_a_packet_passes_through_holes():
+    positions = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, -1], [1, 0, -1], [0, 1, -1]], np.float32)
+    triangles = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6]], np.int32)
+    texcoords = np.array([[0, 1, 1, 1, 1, 0], [0, 1, 1, 0, 0, 0], [0] * 6], np.float32)
+    table, alpha = np.array([[0, 2, 1, 1, 1, 1, 0, 0]], np.int32), np.array([1.0, 0.0], np.float32)  # the left half is solid
+    masks = Masks(np.array([0, 0, -1], np.int32), texcoords, table, np.array([0.5], np.float32), alpha)
+    x = np.linspace(0.02, 0.48, 16)
+    origins = np.stack([np.concatenate([x, x + 0.5]), np.full(32, 0.3), np.ones(32)], 1)
+    found, _ = traced(positions, triangles, origins, np.tile([0.0, 0.0, -1.0], (32, 1)), masks)
+    assert set(found[1, :16]) <= {0, 1}
+    assert set(found[1, 16:]) <= {2, -1}
+
+
+def test_a_packet_in_an_empty_scene_meets_nothing():
+    found, at = traced(np.zeros((3, 3), np.float32), np.zeros((0, 3), np.int32), np.zeros((16, 3)), cosine_directions(16))
+    assert (found[1] == -1).all()
+    assert (at[1] == 10).all()
+
+
+@pytest.fixture(scope="module")
+def room():
+    """A lit room with a block on its floor, that covers parts of texels."""
+    scene = box([matte(0.5), matte(0.5), matte(0.5), matte(0.7, (0.3, 0.3, 0.3)), matte(0.5), matte(0.5)])
+    box(matte(0.4), (0.31, 0.0, 0.32), (0.63, 0.4, 0.66), scene, inward=False, skip=(2,))
+    return bake(scene, density=20, transport=True)
+
+
+def test_what_is_met_lies_where_the_ray_goes(room):
+    transport, position = room.transport, room.luxels.position
+    normal, side = room.luxels.normal, np.sqrt(room.luxels.area)
+    hits, luxel = transport.hits, transport.luxel
+    assert (hits >= 0).mean() > 0.99
+    assert not (hits == NOWHERE).any()
+    directions = cosine_directions(hits.shape[1])
+    frames = frames_of(normal[luxel])
+    for e in range(0, len(hits), 97):
+        met = hits[e] >= 0
+        way = directions[met] @ frames[e]
+        to = position[luxel[hits[e, met]]] - position[luxel[e]]
+        along = (to * way).sum(1)
+        apart = np.linalg.norm(to - along[:, None] * way, axis=1)
+        assert (apart < 2.5 * side.max()).all()  # a spot's distance from the middle, at both ends, seen obliquely
+        assert (along > -side.max()).all()
+
+
+def test_light_passed_on_in_a_closed_scene_is_received():
+    rng = np.random.default_rng(2)
+    hits = rng.integers(0, 50, (50, 64)).astype(np.int32)
+    hits[rng.random(hits.shape) < 0.02] = LOST
+    area, light = rng.random(50).astype(np.float32), rng.random((50, 3)).astype(np.float32)
+    got, away = pass_on(Sight(hits, np.zeros(50)), light, area, 1)
+    np.testing.assert_allclose(got.astype(np.float64) @ area, light.T.astype(np.float64) @ area, rtol=1e-6)
+    assert not away.any()
+    bare = gather(hits, light, 2)
+    mean = np.array([light[row[row >= 0]].mean(0) for row in hits]).T
+    np.testing.assert_allclose(bare, mean, rtol=1e-5)
+    exchange = exchange_of(hits, np.array([0, 20, 50]), area, 1)
+    np.testing.assert_allclose(exchange, exchange.T)
+    np.testing.assert_allclose(exchange.sum(), area.sum(), rtol=1e-5)
+
+
+def test_spots_under_a_block_are_not_free(room, monkeypatch):
+    kept = []
+    original = module.cut
+    monkeypatch.setattr(module, "cut", lambda *arguments: kept.append(original(*arguments)) or kept[-1])
+    bake(room.atlas.scene, density=20, quality="draft")
+    numbers, luxel = kept[0].problem.elements.numbers, kept[0].luxel
+    p = room.luxels.position[luxel]
+    floor = p[:, 1] < 1e-6
+    free = np.bitwise_count(numbers[FREE].astype(np.uint16))
+    beyond = np.maximum(np.abs(p[:, 0] - 0.47) - 0.16, np.abs(p[:, 2] - 0.49) - 0.17)
+    assert (free[floor & (beyond > 0.06)] == 16).all()
+    beside = floor & (beyond > 0) & (beyond < 0.012)  # less than a quarter of a luxel
+    assert beside.sum() > 4
+    assert (free[beside] < 16).mean() > 0.8
+
+
+def open_box(hole):
+    """A dark room, 1 m a side, with a square hole of that size in the middle of its ceiling."""
+    scene = box(matte(0.01), skip=(3,))
+    low, high = 0.5 - hole / 2, 0.5 + hole / 2
+    for x0, x1, z0, z1 in ((0, 1, 0, low), (0, 1, high, 1), (0, low, low, high), (high, 1, low, high)):
+        corners = np.array([[x0, 1, z0], [x1, 1, z0], [x1, 1, z1], [x0, 1, z1]], np.float32)
+        scene.add(Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32)), matte(0.01))
+    return scene
+
+
+@pytest.mark.parametrize(("hole", "most"), [(0.5, 0.02), (0.25, 0.05)])
+def test_the_sky_through_a_window(hole, most):
+    """The irradiance is pi L times the form factor of the window (Lambert's formula)."""
+    baked = bake(open_box(hole), density=16, sky=2.0)
+    p = baked.luxels.position
+    floor = np.flatnonzero(p[:, 1] < 1e-6)
+    low, high = 0.5 - hole / 2, 0.5 + hole / 2
+    corners = np.array([[low, 1, low], [high, 1, low], [high, 1, high], [low, 1, high]])
+    exact = np.array([abs(polygon_factor(*map(float, p[i]), 0.0, 1.0, 0.0, corners, 4)) for i in floor]) * 2 * np.pi
+    error = baked.direct[floor, 0] - exact
+    assert np.sqrt((error**2).mean()) < most * exact.mean()
+    assert abs(error.mean()) < 0.01 * exact.mean()
+
+
+def test_a_sun_is_not_part_of_the_even_sky():
+    picture = np.full((32, 64, 3), 0.5)
+    picture[8, 20] = 500.0
+    even, sun = split(picture)
+    np.testing.assert_allclose(even + sun, picture)
+    assert np.argwhere(sun.sum(2) > 0).tolist() == [[8, 20]]
+    floor = Scene()
+    corners = np.array([[-1, 0, 1], [1, 0, 1], [1, 0, -1], [-1, 0, -1]], np.float32)
+    floor.add(Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32)), matte(0.5))
+    edge = np.pi / 32
+    polar, step = (8.5) * edge, 2 * np.pi / 64
+    whole = 0.5 * np.pi + 499.5 * np.sin(polar) * np.cos(polar) * edge * step
+    np.testing.assert_allclose(bake(floor, density=4, sky=picture).irradiance, whole, rtol=0.03)
+
+
+@pytest.mark.parametrize("rays", [16, 64, 128, 512])
+def test_every_cell_has_a_ray(rays):
+    cell, wide, high = cells(rays)
+    assert wide * high == rays
+    assert len(np.unique(cell, axis=0)) == rays
+    middles = np.array([_on_hemisphere(*((cell[k] + 0.5) / (wide, high))) for k in range(rays)])
+    far = np.arccos(np.clip((middles * cosine_directions(rays)).sum(1), -1, 1))
+    assert far.max() < 2.5 / np.sqrt(rays)
