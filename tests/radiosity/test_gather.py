@@ -183,5 +183,5 @@ def test_every_cell_has_a_ray(rays):
     assert wide * high == rays
     assert len(np.unique(cell, axis=0)) == rays
     middles = np.array([_on_hemisphere(*((cell[k] + 0.5) / (wide, high))) for k in range(rays)])
-    far = np.arccos(np.clip((middles * cosine_directions(rays)).sum(1), -1, 1))
-    assert far.max() < 2.5 / np.sqrt(rays)
+    apart = np.linalg.norm((middles - cosine_directions(rays))[:, :2], axis=1)  # on the disk, where all cells have the area pi / rays
+    assert apart.max() < 1.5 * np.sqrt(np.pi / rays)

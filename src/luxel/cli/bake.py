@@ -25,7 +25,7 @@ EXAMPLE = "luxel bake room.glb -o lit.glb --quality draft --sky 0.4,0.6,1 --prev
 
 SCENES = (".glb", ".gltf")
 PICTURES = (".png", ".jpg", ".jpeg")
-_QUALITIES, _CONVENTIONS = ("draft", "normal", "final"), ("moz", "unlit", "emissive", "sidecar")
+_QUALITIES, _CONVENTIONS = ("draft", "normal", "final", "progressive", "reference"), ("moz", "unlit", "emissive", "sidecar")
 _PREVIEW_SIZE = (960, 540)
 _REDRAW = 12  # a preview may take a part of the time like this
 _ROOM = 16  # bytes a texel of a page, in the files
@@ -50,7 +50,7 @@ _quality = partial(_option, "Quality")
 QualityName = Annotated[str, _quality("--quality", metavar="NAME", help=f"{', '.join(_QUALITIES)} [normal].")]
 Density = Annotated[str | None, _quality("--density", metavar="N", help="Luxels per metre [about 250,000 in all].")]
 Page = Annotated[str, _quality("--page", metavar="N", help="Side of a lightmap's page, at most [1024].")]
-Tolerance = Annotated[str | None, _quality("--tolerance", metavar="X", help="Done when this share of the light is unshot [0.001; draft: 0.005].")]
+Tolerance = Annotated[str | None, _quality("--tolerance", metavar="X", help="Done when this share of the light is unshot [0.001].")]
 Seconds = Annotated[str | None, _quality("--seconds", metavar="S", help="Or after so long; what is unshot is then spread evenly.")]
 
 _written = partial(_option, "What is written")
@@ -235,7 +235,8 @@ class _Watch:
 
     def __call__(self, unshot: float, state: Progress) -> None:
         done = math.log(max(unshot, self.tolerance)) / math.log(self.tolerance) if unshot < 1 else 0.0
-        self.report(min(done, 1.0), f"{unshot:7.2%} of the light unshot")
+        looking = f"; {state.looked:.0%} of the luxels have looked around" if 0 < state.looked < 1 else ""
+        self.report(min(done, 1.0), f"{unshot:7.2%} of the light unshot{looking}")
         if self.preview is not None and time.monotonic() >= self.next:
             start = time.monotonic()
             _draw(state.preview(), self.preview)

@@ -25,7 +25,7 @@ too small or missing, and of texels with two charts; and the ratio of the most t
 MOST_GUTTER = 4
 _SLACK = 1e-4  # beyond 0..1 by rounding
 _BYTES_A_LUXEL, _BYTES_A_TRIANGLE, _BYTES_AT_LEAST = 700, 400, 150 << 20
-_SECONDS_A_LUXEL, _SECONDS_A_TRIANGLE, _SECONDS_AT_LEAST = 2e-5, 2e-5, 0.5
+_SECONDS_A_LUXEL, _SECONDS_A_TRIANGLE, _SECONDS_AT_LEAST = 2.5e-5, 2e-5, 0.5
 
 
 class Density(NamedTuple):
@@ -140,7 +140,7 @@ def diagnose(atlas: Atlas, threads: int | None = None) -> Diagnosis:
 
 
 def estimate(luxels: int, triangles: int) -> tuple[int, float]:
-    """Bytes and seconds that a bake will take, roughly, on two cores: both grow linearly, as the brightest patches light all luxels at once."""
+    """Bytes and seconds that a bake will take, roughly, on two cores: both grow linearly."""
     memory = _BYTES_AT_LEAST + luxels * _BYTES_A_LUXEL + triangles * _BYTES_A_TRIANGLE
     return int(memory), _SECONDS_AT_LEAST + luxels * _SECONDS_A_LUXEL + triangles * _SECONDS_A_TRIANGLE
 
