@@ -47,7 +47,8 @@ class Renderer:
         shading, cull: As of `luxel.prepare`.
 
     Attributes:
-        ranks: After a picture, of each rank: "busy", seconds of drawing; "glue", seconds of giving its pixels away, waiting included; "sent", bytes.
+        ranks: After a picture, of each rank: "busy", seconds of drawing; "glue", seconds of giving its pixels away, waiting included; "sent", bytes;
+            and where triangles are shared "merged", samples, "composed", bytes, and "composing", seconds of composition.
 
     Raises:
         InputError: As of `luxel.prepare`, or no such division or balance.

@@ -111,7 +111,10 @@ class ObjectBand(Band):
         ids = reusable(drawn_ids.shape, np.int32)
         claims.to_global(slots, grid, own, drawn_ids, self.clipped.source, self._count(), self.offset, ids)
         clear(slots[own[slots] == 0], ids, depths)
+        sent, start = group.sent, time.perf_counter()
         self._add("merged", composite(slots, self.pixels, ids, depths, group, self.team.composition))
+        self._add("composed", group.sent - sent)
+        self._add("composing", time.perf_counter() - start)
         tiles = regions(slots, group.size, self.team.composition)
         mine = tiles[group.rank]
         self.clock.lap("composite")

@@ -21,7 +21,7 @@ from luxel.raster.project import Window
 
 OPAQUE, MASK, BLEND = 0, 1, 2
 
-CHUNK_LOG2 = 8
+CHUNK_LOG2 = 7
 """Of the number of triangles that are left out together."""
 ALL = np.empty(0, np.uint8)
 """Of chunks: none is left out."""
