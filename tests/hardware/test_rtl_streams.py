@@ -117,12 +117,12 @@ def test_whole(stalls):
 
 def test_a_fragment_on_every_clock():
     """From the first to the last, over triangles of various shapes one after the other, and with stalls on every clock on which one is taken."""
-    large = [[[100, 200], [14000, 900], [3000, 11000]], [[14000, 900], [3000, 11000], [15000, 11400]]]
-    corners = np.array([*large, [[1000, 1000], [13000, 4000], [7000, 9000]]])
+    large = [[[100, 200], [8000, 900], [2000, 7000]], [[8000, 900], [2000, 7000], [9000, 7400]]]
+    corners = np.array([*large, [[1000, 1000], [7000, 3000], [4000, 5000]]])
     words = circuits.colors(np.random.default_rng(14), 3)
     count = sum(len(interpolator.draw(*each, WIDTH, HEIGHT).x) for each in zip(corners, words))
     found = run(Interpolator(), circuits.columns(corners, words), count, **WINDOW)
-    assert count > 2000
+    assert count > 700
     assert (np.diff(found.clocks) == 1).all()
     taken = []
     rng = np.random.default_rng(15)
@@ -140,18 +140,18 @@ def test_a_fragment_on_every_clock():
 def test_small_triangles(pixels, clocks):
     """From 5 pixels on they leave no clock unused; smaller ones come every three clocks or so."""
     rng = np.random.default_rng(17)
-    angles = rng.random((80, 1)) * 6.283 + np.arange(3) * 2.094 + rng.normal(0, 0.2, (80, 3))
+    angles = rng.random((60, 1)) * 6.283 + np.arange(3) * 2.094 + rng.normal(0, 0.2, (60, 3))
     radius = np.sqrt(pixels * 4 / 27**0.5)
-    corners = np.rint(256 * (rng.random((80, 1, 2)) * 36 + 4 + radius * np.stack([np.cos(angles), np.sin(angles)], -1))).astype(int)
-    words = circuits.colors(rng, 80)
+    corners = np.rint(256 * (rng.random((60, 1, 2)) * 36 + 4 + radius * np.stack([np.cos(angles), np.sin(angles)], -1))).astype(int)
+    words = circuits.colors(rng, 60)
     shaded = [interpolator.draw(*each, WIDTH, HEIGHT) for each in zip(corners, words)]
     count = sum(len(each.x) for each in shaded)
-    assert 0.8 * 80 * pixels < count < 1.2 * 80 * pixels
+    assert 0.8 * 60 * pixels < count < 1.2 * 60 * pixels
     found = run(Interpolator(), circuits.columns(corners, words), count, **WINDOW)
     assert np.array_equal(found.fields["x"], np.concatenate([each.x for each in shaded]))
     assert np.array_equal(found.fields["r"], np.concatenate([each.colors[:, 0] for each in shaded]))
     span = found.clocks[-1] - found.clocks[0] + 1
-    assert count <= span <= max(80 * clocks, 1.02 * count)
+    assert count <= span <= max(60 * clocks, 1.02 * count)
 
 
 def test_wider_coordinates():

@@ -6,6 +6,7 @@ import hashlib
 import os
 import shutil
 import tempfile
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -79,6 +80,12 @@ class Program:
         rows = found[:-2].reshape(-1, _FRAGMENT)
         place = rows[:, :3].astype(np.int64)
         return Drawn(place[:, 0], place[:, 1], place[:, 2], rows[:, 3:], first, clocks)
+
+
+@cache
+def program(coordinate_bits: int) -> Program:
+    """The same, made once a process: to know which one is in the cache, all of the circuit is put together."""
+    return Program(coordinate_bits)
 
 
 def _cache() -> Path:

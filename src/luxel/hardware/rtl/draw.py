@@ -11,7 +11,7 @@ from luxel.errors import InputError
 from luxel.hardware.float24 import ONE
 from luxel.hardware.rtl.area import CORNERS
 from luxel.hardware.rtl.barycentric import COLORS
-from luxel.hardware.rtl.cxx import Drawn, Program
+from luxel.hardware.rtl.cxx import Drawn, program
 from luxel.hardware.rtl.simulate import run
 from luxel.hardware.rtl.whole import COORDINATE_BITS, Interpolator
 from luxel.hardware.scan import scan
@@ -53,7 +53,7 @@ def draw(corners: Array, colors: Array, width: int, height: int, using: str = "a
     reach = 1 << COORDINATE_BITS - 1
     bits = COORDINATE_BITS if not corners.size or (corners.min() >= -reach and corners.max() < reach) else WIDE_BITS
     if simulator(using) == "cxx":
-        return Program(bits).draw(corners, colors, width, height)
+        return program(bits).draw(corners, colors, width, height)
     count = sum(len(scan(each, width, height).x) for each in corners)
     columns = {key: corners[:, k // 2, k % 2] for k, key in enumerate(CORNERS)} | {key: colors[:, k // 3, k % 3] for k, key in enumerate(COLORS)}
     found = run(Interpolator(bits), columns, count, right=width - 1, bottom=height - 1)
