@@ -34,7 +34,7 @@ from report import machine, median, meshes, milliseconds, table, write_section
 
 SIZE = (1920, 1080)
 SPHERES = (10_000, 100_000, 1_000_000, 10_000_000, 100_000_000)
-PARTS = ("ceilings", "frames", "stages", "samples", "split", "views", "first", "leak")
+PARTS = ("ceilings", "frames", "stages", "samples", "split", "views", "relight", "first", "leak")
 RESULTS = Path(__file__).with_name("RESULTS-gpu.md")
 COLOR, IDS = Options(outputs=("color",)), Options(outputs=("triangle", "depth"))
 
@@ -190,6 +190,25 @@ def views(largest: int) -> str:
     cpu = _once(lambda: [render(prepared, camera, (128, 128)) for camera in around[:100]]) / 100
     text = f"{scene.triangle_count:,} triangles, 128x128. The processor, all cores: {1 / cpu:,.0f} views a second.\n\n"
     return text + table(["views in a batch", "views/s, left on the device", "views/s, fetched"], rows)
+
+
+def relight(largest: int) -> str:
+    """Kept transport of the radiosity paper's rooms, solved for other lights."""
+    from luxel.cuda.relight import resident
+    from luxel.radiosity.bake import bake
+    from luxel.scene.builtin import SCENES
+
+    rows = []
+    for name in ("room-simple", "room-complex"):
+        if name not in SCENES:
+            continue
+        transport = bake(SCENES[name](), transport=True).transport
+        there, emission = resident(transport), 2 * transport.emission
+        here = seconds(partial(there.solve, transport.powers(emission), None, transport.albedo, 1.0, 1e-3), 9)
+        whole = seconds(partial(transport.solve, emission, device="cuda"), 9)
+        cpu = median([_once(partial(transport.solve, emission)) for _ in range(6)][1:])
+        rows.append([name, f"{len(transport.area):,}", milliseconds(here), milliseconds(whole), milliseconds(cpu), f"{cpu / whole:.0f}x"])
+    return table(["scene", "elements", "left on the device, ms", "fetched, ms", "processor, ms", "faster"], rows)
 
 
 _FIRST = (

@@ -117,8 +117,11 @@ def take_layer(n, count, layer, keys, found):
     found[0] = there.any()
 
 
-def fill(n, count, values, value):
+def fill_keys(n, count, values, value):
     values[:] = value
+
+
+fill_floats = fill_ints = fill_keys
 
 
 @jit.kernel

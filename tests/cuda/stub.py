@@ -74,7 +74,7 @@ class Stub(Gpu):
 
     def __init__(self):
         self._door, self._cuda, self._simulated, self._number = door, door.cuda, False, 0
-        self.name, self.capability, self.layers = "stub", (9, 0), 1
+        self.name, self.capability, self.layers, self._compiled = "stub", (9, 0), 1, {}
 
     def free_memory(self):
         return 1 << 40

@@ -150,5 +150,5 @@ def test_small_grids_are_no_reason_to_warn():
     kernels = pytest.importorskip("luxel.cuda.kernels")
     config = door._numba("config")
     before = config.CUDA_LOW_OCCUPANCY_WARNINGS
-    assert door.configured(kernels.fill, (3, 1), (17, 1)).griddim == (3, 1, 1)
+    assert door.configured(kernels.fill_keys, (3, 1), (17, 1)).griddim == (3, 1, 1)
     assert before == config.CUDA_LOW_OCCUPANCY_WARNINGS

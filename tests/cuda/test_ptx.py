@@ -56,6 +56,14 @@ def test_kernels_have_names_of_their_own():
     assert len(set(grids())) == len(grids())
 
 
+def test_kernels_are_always_given_the_same_types(launched):
+    """Whatever is drawn: so launches need not look at them."""
+    for module in (kernels, light_kernels):
+        for name, value in vars(module).items():
+            if name in launched and hasattr(value, "py_func"):
+                assert len(value.overloads) == 1, name
+
+
 @pytest.mark.parametrize("name", grids())
 def test_kernel_compiles_without_fused_operations(launched, name):
     for card in CARDS:

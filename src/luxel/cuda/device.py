@@ -36,6 +36,7 @@ class Gpu:
             device = door.initialise()
         except Exception as error:  # Numba's own kinds of errors, and those of the driver's bindings
             raise DeviceError(f"device cuda: expected an NVIDIA GPU and its driver; {_reason(error)}") from error
+        self._compiled: dict[Any, Any] = {}
         self._number = 0 if self._simulated else int(device.id)
         self.name = "simulator" if self._simulated else _text(device.name)
         self.capability = (9, 0) if self._simulated else tuple(device.compute_capability)
@@ -105,13 +106,23 @@ class Gpu:
         return array.view(dtype)
 
     def launch(self, kernel: Any, shape: tuple[int, int], *arguments: Any) -> None:
-        """Start a grid of at least shape[0] threads for each of shape[1] views; it gets the shape before its arguments."""
+        """Start a grid of at least shape[0] threads for each of shape[1] views; it gets the shape before its arguments.
+
+        Numba would look at the types of all arguments each time. A kernel of luxel is always given the same, so they are looked at once.
+        """
         if 0 in shape:
             return
         block = _BLOCK
         if self._simulated:  # it starts a thread of the system for each, and would copy arrays there and back, also those that share their memory
             block, arguments = 4, tuple(self._door.lent(item) if isinstance(item, np.ndarray) else item for item in arguments)
-        self._door.configured(kernel, (-(-shape[0] // block), shape[1]), (block, 1))(*shape, *arguments)
+        configured = self._door.configured(kernel, (-(-shape[0] // block), shape[1]), (block, 1))
+        known = self._compiled.get(kernel)
+        if known is not None:
+            known.launch((*shape, *arguments), configured.griddim, configured.blockdim, configured.stream, configured.sharedmem)
+            return
+        configured(*shape, *arguments)
+        if not self._simulated:
+            (self._compiled[kernel],) = kernel.overloads.values()
 
     def wait(self) -> None:
         """Until all that was launched is done."""

@@ -133,7 +133,8 @@ class _Batch:
 
     def _fill(self, array: Any, value: Any) -> None:
         each = array.size // self.count
-        self.gpu.launch(self.kernels.fill, (each, self.count), array.reshape(self.count, each), value)
+        kernel = {"u": self.kernels.fill_keys, "f": self.kernels.fill_floats, "i": self.kernels.fill_ints}[array.dtype.kind]
+        self.gpu.launch(kernel, (each, self.count), array.reshape(self.count, each), value)
 
     def draw(self) -> list[Picture]:
         """Draw all windows, and fetch the pictures."""

@@ -1,6 +1,7 @@
 """The grids: one thread a vertex, a triangle, a pixel, and its own memory. What the threads do is `luxel.cuda.threads`.
 
-The second axis of a grid counts views. A kernel is given the number of threads that are wanted, and of views.
+The second axis of a grid counts views. A kernel is given the number of threads that are wanted, and of views. Each is always given the same types:
+they are looked at once (`luxel.cuda.device.Gpu.launch`).
 """
 
 from __future__ import annotations
@@ -50,8 +51,24 @@ def write_pieces(n, _, candidates, geometry, views, guard, window, start, clippe
 
 
 @kernel
-def fill(n, views_drawn, values, value):
-    """values[v, i] = value, for (v, n) values."""
+def fill_keys(n, views_drawn, values, value):
+    """values[v, i] = value, for (v, n) uint64."""
+    i, v = cuda.grid(2)
+    if i < n and v < views_drawn:
+        values[v, i] = value
+
+
+@kernel
+def fill_floats(n, views_drawn, values, value):
+    """values[v, i] = value, for (v, n) float32."""
+    i, v = cuda.grid(2)
+    if i < n and v < views_drawn:
+        values[v, i] = value
+
+
+@kernel
+def fill_ints(n, views_drawn, values, value):
+    """values[v, i] = value, for (v, n) int32."""
     i, v = cuda.grid(2)
     if i < n and v < views_drawn:
         values[v, i] = value
