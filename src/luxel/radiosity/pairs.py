@@ -25,6 +25,8 @@ from luxel.radiosity.surfaces import RULES, Polygons
 _R1, _R2, _R3 = RULES[1:]
 _GAUSS = (0.5 - math.sqrt(3.0) / 6.0, 0.5 + math.sqrt(3.0) / 6.0)
 _DEEPEST = 9  # halvings of a cell
+_INNER = 2.0 + math.sqrt(3.0)  # weight of the two inner samples in the third difference of four, which lie as _GAUSS in either half
+_JUMP = 0.04  # of the third difference: what a cell and its quarters would differ by, had they not agreed by chance
 _LEEWAY = 2.0  # a cell's quarters are so much closer to the truth than it is
 _STAKE = 1000.0  # floors that a cell must be worth to be quartered unasked
 _RAYS = 64
@@ -76,6 +78,7 @@ class Scratch(NamedTuple):
     cells: Array
     points: Array
     terms: Array
+    samples: Array
 
 
 @jit.kernel
@@ -85,6 +88,7 @@ def make_scratch():
         np.zeros((CORNERS, 3)), np.zeros((CORNERS, 3)), np.zeros((4, 3)), np.zeros((_DEEPEST + 2, BLOCKERS), np.int64),
         np.zeros(_DEEPEST + 2, np.int64), np.zeros((40, 4)), np.zeros(6), np.zeros((PIECES + 2, PIECE_CORNERS, 3)), np.zeros(PIECES, np.int64),
         np.zeros((4 * _DEEPEST + 8, 6)), np.zeros((2, _RAYS, 4)), np.zeros((2, CORNERS, CORNERS)),
+        np.zeros((4, 6)),
     )  # fmt: skip
 
 
@@ -110,8 +114,8 @@ def _across(c, i, j, k, l, t, axis):
 
 
 @jit.part
-def _cell(world, a, b, blockers, found, piece, u, v, size, scratch):
-    """The integral over one cell of `a`, by 2 x 2 points; negative if the shadow needs more pieces than there are."""
+def _cell(world, a, b, blockers, found, piece, u, v, size, row, column, scratch):
+    """The integral over one cell of `a`, by 2 x 2 points, put into the samples; negative if the shadow needs more pieces than there are."""
     total = 0.0
     place = scratch.bounds
     for i in range(2):
@@ -122,6 +126,7 @@ def _cell(world, a, b, blockers, found, piece, u, v, size, scratch):
             )
             if factor < 0.0:
                 return -1.0
+            scratch.samples[row + i, column + j] = weight * factor
             total += weight * factor
     return 0.25 * size * size * total
 
@@ -134,6 +139,18 @@ def _cell_side(a, piece, u, v, size, out):
     _bilinear(a, piece, u + size, v + size, out[2])
     _bilinear(a, piece, u, v + size, out[3])
     return Side(out, np.int64(4), a.nx, a.ny, a.nz, a.x, a.y, a.z, a.radius)
+
+
+@jit.part
+def _roughness(f):
+    """How far the 4 x 4 samples of a cell's quarters are from quadratic, by their third differences along each row and column.
+
+    A cell agrees with its quarters, by chance, where a shadow begins anywhere in its middle fifth: the samples themselves tell that it does.
+    """
+    total = 0.0
+    for k in range(4):
+        total += abs(f[3, k] - f[0, k] + _INNER * (f[1, k] - f[2, k])) + abs(f[k, 3] - f[k, 0] + _INNER * (f[k, 1] - f[k, 2]))
+    return 0.25 * total
 
 
 @jit.part
@@ -161,8 +178,8 @@ def _partly_hidden(world, a, b, found, whole, wanted, floor, scratch):
         scratch.found[level + 1] = between
         half, quarters = 0.5 * size, 0.0
         for i in range(4 if level else 5):
-            x, y = u + half * (i & 1), v + half * (i >> 1)
-            part = _cell(world, a, b, kept, between, piece, x if i < 4 else u, y if i < 4 else v, half if i < 4 else size, scratch)
+            x, y, extent = (u + half * (i & 1), v + half * (i >> 1), half) if i < 4 else (u, v, size)
+            part = _cell(world, a, b, kept, between, piece, x, y, extent, 2 * (i & 1), 2 * (i >> 1), scratch)
             if part < 0.0:
                 return -1.0, 0.0
             if i == 4:  # nothing larger has told the value of the whole piece
@@ -175,6 +192,8 @@ def _partly_hidden(world, a, b, found, whole, wanted, floor, scratch):
             seen += quarters
         allowed = max(_LEEWAY * wanted.tolerance * max(seen, 0.02 * whole), floor)
         gap = abs(quarters - value)
+        if between:
+            gap = max(gap, _JUMP * _roughness(scratch.samples) * size * size)
         stake = whole * size * size  # what is at stake, about
         sure = between == 0 or level >= wanted.levels or stake <= _STAKE * floor
         if (sure and gap <= allowed * size) or stake <= floor or level == _DEEPEST:
