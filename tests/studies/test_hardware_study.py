@@ -111,6 +111,23 @@ def test_a_quick_run_simulates_the_circuit_and_synthesises_nothing(tmp_path, mon
     assert {row["module"] for row in data["circuit"] if row["takes one a clock"] == "triangle"} == {"area", "reciprocal"}
 
 
+def test_what_is_recorded_says_so(tmp_path):
+    """Figures of synthesis are shown as they were written down, and as nothing else."""
+    report = Report(tmp_path, find("hardware"))
+    circuit.recorded(Context(), report)
+    data, text = json.loads((tmp_path / "results.json").read_text())["tables"], (tmp_path / "README.md").read_text()
+    assert set(data) == {"recorded_ecp5", "recorded_cells"}
+    assert text.count("**Recorded, not measured in this run**") == 2
+    for rows in data.values():
+        assert {row["source"] for row in rows} == {"recorded", "paper"}
+        assert {"area", "reciprocal", "whole"} < {row["module"] for row in rows}
+        assert rows[-1]["MHz"] == 222.2
+        assert all(row["MHz"] > 222.2 for row in rows[:-1])
+    for row in data["recorded_ecp5"][:-1]:
+        assert row["MHz, least"] <= row["MHz"] <= row["MHz, most"]
+        assert (row["MHz, least"] < row["MHz, most"]) == (row["seeds"] > 1)
+
+
 def test_without_its_extra_the_circuit_is_left_out(tmp_path, monkeypatch):
     def missing(names=None):
         raise ExtraMissingError("amaranth", "hdl", "the circuit")
