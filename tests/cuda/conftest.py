@@ -1,7 +1,5 @@
 import pytest
 
-pytest.importorskip("numba_cuda", reason="numba-cuda is not installed: extra cuda")
-
 
 def _real_gpu():
     from luxel.cuda.device import gpu

@@ -1,5 +1,6 @@
 """Scenes, and the same picture from the processor and from a GPU."""
 
+import needs_numba_cuda  # noqa: F401 - before what it may skip
 import numpy as np
 
 import luxel

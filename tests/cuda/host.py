@@ -2,6 +2,7 @@
 (`luxel.cuda.kernels`), which the simulator runs, and the compiler for the GPU."""
 
 import loops
+import needs_numba_cuda  # noqa: F401 - before what it may skip
 import numpy as np
 
 from luxel.errors import DeviceError

@@ -2,6 +2,7 @@
 
 from types import SimpleNamespace
 
+import needs_numba_cuda  # noqa: F401 - before what it may skip
 import numpy as np
 
 from luxel import jit

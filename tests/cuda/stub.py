@@ -4,6 +4,7 @@ import re
 from importlib import import_module
 from types import SimpleNamespace
 
+import needs_numba_cuda  # noqa: F401 - before what it may skip
 import numpy as np
 
 from luxel import jit

@@ -152,3 +152,17 @@ def test_small_grids_are_no_reason_to_warn():
     before = config.CUDA_LOW_OCCUPANCY_WARNINGS
     assert door.configured(kernels.fill_keys, (3, 1), (17, 1)).griddim == (3, 1, 1)
     assert before == config.CUDA_LOW_OCCUPANCY_WARNINGS
+
+
+def test_the_command_line(no_gpu, tmp_path, capsys):
+    from luxel.cli import main
+
+    luxel.save(plain(0), tmp_path / "a.ply")
+    draw = ["render", str(tmp_path / "a.ply"), "-o", str(tmp_path / "a.png"), "--size", "8", "--device"]
+    assert main([*draw, "cuda"]) == 2
+    assert "expected an NVIDIA GPU and its driver" in capsys.readouterr().err
+    assert not (tmp_path / "a.png").exists()
+    assert main([*draw, "gpu"]) == 2
+    assert main([*draw, "auto"]) == 0
+    assert "drawing on the processor" in capsys.readouterr().err
+    assert (tmp_path / "a.png").exists()

@@ -5,6 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import needs_numba_cuda  # noqa: F401 - skips without numba-cuda
 import pytest
 
 PICTURES = ("opaque", "masked_and_blended", "pieces", "lit_at_vertices", "by_render", "relit")
