@@ -160,17 +160,19 @@ def density_of(atlas: Atlas, geometry: Geometry, surface: Array) -> Density:
 
 def least_gutter(texels: Texels, chart: Array, size: tuple[int, int]) -> int:
     """Least number of free texels, along rows, columns and diagonals, between two charts: 0 if they touch or share texels, MOST_GUTTER at most."""
-    from scipy.ndimage import maximum_filter, minimum_filter
-
     owner = chart[texels.triangle]
     if (texels.loser >= 0).any():
         return 0
-    highest, lowest = np.full((size[1], size[0]), -1, np.int32), np.full((size[1], size[0]), np.iinfo(np.int32).max, np.int32)
-    highest.reshape(-1)[texels.place] = lowest.reshape(-1)[texels.place] = owner
+    wide = size[0] + 2 * MOST_GUTTER  # a border, so that no step leaves the page
+    page = np.full((size[1] + 2 * MOST_GUTTER) * wide, -1, np.int32)
+    at = (texels.place // size[0] + MOST_GUTTER) * wide + texels.place % size[0] + MOST_GUTTER
+    page[at] = owner
     for free in range(MOST_GUTTER):
-        highest, lowest = maximum_filter(highest, 3), minimum_filter(lowest, 3)  # of the charts within free + 1 texels
-        if (highest.reshape(-1)[texels.place] > owner).any() or (lowest.reshape(-1)[texels.place] < owner).any():
-            return free
+        reach = range(-free - 1, free + 2)
+        for down, right in [(free + 1, k) for k in reach] + [(k, free + 1) for k in reach]:  # the other steps are these, from the other chart
+            met = page[at + down * wide + right]
+            if ((met >= 0) & (met != owner)).any():
+                return free
     return MOST_GUTTER
 
 

@@ -299,15 +299,16 @@ def element_pages(luxels: Luxels, luxel: Array, back: Array) -> Array:
                 number[without] = number[like(luxels, without, number >= 0)]
         page, row, column = luxels.texel.T
         pages[side, page, row, column] = number
-        for _ in range(_BORDER):
+        for _ in range(_BORDER if len(here) else 0):
             _grow(pages[side])
     return pages
 
 
 def _grow(pages: Array) -> None:
     """Give texels that have no element that of a neighbour."""
-    before = np.pad(pages, ((0, 0), (1, 1), (1, 1)), constant_values=NOWHERE)
     h, w = pages.shape[1:]
-    for dy, dx in ((0, 1), (1, 0), (0, -1), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1)):
-        empty = pages == NOWHERE
-        pages[empty] = before[:, 1 + dy : 1 + dy + h, 1 + dx : 1 + dx + w][empty]
+    around, padded = np.full_like(pages, NOWHERE), np.pad(pages, ((0, 0), (1, 1), (1, 1)), constant_values=NOWHERE)
+    for down in range(3):
+        for right in range(3):
+            np.maximum(around, padded[:, down : down + h, right : right + w], out=around)
+    np.copyto(pages, around, where=pages == NOWHERE)

@@ -22,7 +22,7 @@ _FEW = 8  # rays of each spot of a luxel, where it is looked for a free place
 
 
 @jit.parallel_kernel
-def _look(queue, scene, position, frames, directions, few, two_sided, reach, backs):
+def _look(queue, scene, position, frames, directions, few, any_tells, two_sided, reach, backs):
     scene = jit.borrow(scene)
     directions, frames = jit.borrow(directions), jit.borrow(frames)
     count = len(position)
@@ -32,7 +32,7 @@ def _look(queue, scene, position, frames, directions, few, two_sided, reach, bac
             x, y, z = np.float64(position[i, 0]), np.float64(position[i, 1]), np.float64(position[i, 2])
             met = back = 0
             for k in range(len(directions)):
-                if k == few and back == 0:
+                if (k == few and back == 0) or (any_tells and back > 0):
                     break
                 dx, dy, dz = turned(frames[i], directions[k])
                 hit, side, _ = nearest(scene, x, y, z, dx * reach, dy * reach, dz * reach)
@@ -56,7 +56,7 @@ def seen_backs(scene: Occlusion, two_sided: Array, position: Array, normal: Arra
     """
     directions = cosine_directions(_ALL, _FIRST)
     backs = np.zeros(len(position), np.float32)
-    jit.run(_look, threads, scene, position, frames_of(normal), directions, _FIRST, two_sided, reach, backs)
+    jit.run(_look, threads, scene, position, frames_of(normal), directions, _FIRST, False, two_sided, reach, backs)
     return backs
 
 
@@ -76,7 +76,7 @@ def free_places(scene: Occlusion, two_sided: Array, position: Array, normal: Arr
     backs = np.zeros(points.shape[:2], np.float32)
     rays, frames = cosine_directions(_FEW, _FEW // 2), frames_of(normal)
     for k in range(len(points)):
-        jit.run(_look, threads, scene, points[k], frames, rays, _FEW // 2, two_sided, reach, backs[k])
+        jit.run(_look, threads, scene, points[k], frames, rays, _FEW, True, two_sided, reach, backs[k])
     free = backs == 0
     share = free / np.maximum(free.sum(0), 1)
     middle = (points * share[:, :, None]).sum(0)
