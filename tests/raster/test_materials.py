@@ -26,6 +26,8 @@ from luxel.raster.materials import (
     NEEDS_UV0,
     NEEDS_UV1,
     NEEDS_VIEW,
+    SLOTS,
+    TEXTURE,
     pack_materials,
 )  # fmt: skip
 from luxel.scene.material import Material, Texture, TextureRef
@@ -119,6 +121,15 @@ def test_metal_and_lamps_that_only_a_texture_knows_are_paint_at_the_vertices():
     assert table.floats[:2, METAL].tolist() == [0, 1]
     assert table.floats[:2, EMIT].tolist() == [0, 1]
     assert (table.ints[:2, CODE] & EMISSIVE).tolist() == [0, EMISSIVE]
+
+
+def test_flat_shading_has_no_normal_map():
+    """It has no tangents to bend its normals by."""
+    image = np.zeros((2, 2, 3), np.uint8)
+    scene = Scene(materials=[Material(normal_texture=TextureRef(0), base_color_texture=TextureRef(0))], textures=[Texture(image)])
+    table = pack_materials(scene, "flat")
+    assert table.ints[0, TEXTURE : TEXTURE + len(SLOTS)].tolist() == [0, -1, -1, -1, -1, -1]
+    assert pack_materials(scene, "phong").ints[0, TEXTURE + SLOTS.index("normal")] == 0
 
 
 def test_unknown_shading_is_refused():
