@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from luxel.errors import InputError
+from luxel.raster import materials
 from luxel.raster.materials import (
     ALPHA_BLEND,
     ALPHA_MASK,
@@ -26,8 +27,7 @@ from luxel.raster.materials import (
     NEEDS_UV0,
     NEEDS_UV1,
     NEEDS_VIEW,
-    SLOTS,
-    TEXTURE,
+    NORMAL_SLOT,
     pack_materials,
 )  # fmt: skip
 from luxel.scene.material import Material, Texture, TextureRef
@@ -127,9 +127,9 @@ def test_flat_shading_has_no_normal_map():
     """It has no tangents to bend its normals by."""
     image = np.zeros((2, 2, 3), np.uint8)
     scene = Scene(materials=[Material(normal_texture=TextureRef(0), base_color_texture=TextureRef(0))], textures=[Texture(image)])
-    table = pack_materials(scene, "flat")
-    assert table.ints[0, TEXTURE : TEXTURE + len(SLOTS)].tolist() == [0, -1, -1, -1, -1, -1]
-    assert pack_materials(scene, "phong").ints[0, TEXTURE + SLOTS.index("normal")] == 0
+    column = materials.TEXTURE + NORMAL_SLOT
+    assert pack_materials(scene, "flat").ints[0, column] == -1
+    assert pack_materials(scene, "phong").ints[0, column] == 0
 
 
 def test_unknown_shading_is_refused():
