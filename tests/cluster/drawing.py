@@ -106,8 +106,24 @@ def files(comm: Comm, folder: str) -> None:
                 mine = renderer.render(None, size, samples=8)
                 if mine is not None:
                     same(mine, one, (path, divide))
-        whole = sum(comm.gather(len(renderer.prepared.geometry.triangles)))
-        assert divide == "both" or whole == renderer.shared.triangles
+
+
+def streamed(comm: Comm, folder: str) -> None:
+    """Shares that stay in the file, in pieces; near enough for triangles to be clipped."""
+    from luxel.cluster import ply_share
+
+    ply_share.STREAMED, ply_share.PIECE = 0, 100
+    for name in ("sphere.ply", "long.ply"):
+        path = Path(folder) / name
+        cameras = [None, luxel.Camera.look_at((0.3, 0.2, 0.9), (0, 0.3, 0), near=0.05)]
+        for divide in ("objects", "both"):
+            renderer = Renderer(path, comm, divide, "radix")
+            assert renderer.shared.stream is not None
+            assert renderer.shared.triangles == 4 * 40 * 40
+            for camera in cameras:
+                mine = renderer.render(camera, (160, 90), samples=2, outputs=ALL)
+                if mine is not None:
+                    same(mine, luxel.render(path, camera, (160, 90), samples=2, outputs=ALL, threads=1), (name, divide, camera))
 
 
 def compositions(comm: Comm) -> None:

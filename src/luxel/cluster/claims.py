@@ -43,7 +43,7 @@ class Grid(NamedTuple):
 
 
 @jit.kernel
-def _to_global(slots, grid, drawn_here, ids, source, m, offset, out):
+def _to_global(slots, grid, drawn_here, ids, source, m, numbers, offset, out):
     pixels, side = grid.side * grid.side, grid.side
     for slot in slots:
         number = grid.first + slot
@@ -57,19 +57,21 @@ def _to_global(slots, grid, drawn_here, ids, source, m, offset, out):
                 if t < 0 or p % side >= wide or p // side >= high:
                     out[slot, i] = NOTHING
                 else:
-                    out[slot, i] = offset + (t if t < m else source[t - m])
+                    t = t if t < m else source[t - m]
+                    out[slot, i] = offset + (numbers[t] if len(numbers) > 0 else t)
 
 
-def to_global(slots: Array, grid: Grid, drawn_here: Array, ids: Array, source: Array, m: int, offset: int, out: Array) -> None:
+def to_global(slots: Array, grid: Grid, drawn_here: Array, ids: Array, source: Array, m: int, numbers: Array, offset: int, out: Array) -> None:
     """Write the ids that all ranks know to rows `slots` of `out`: of what is drawn in the window, and nothing elsewhere.
 
     Args:
         drawn_here: (tiles,) uint8: whether the rank has drawn to a tile; else its ids are not read.
         ids: (tiles, ...) int32, from `cover`: triangles of this rank, and pieces made by clipping from `m` on.
         source: (k,) int32, the triangle that each piece was cut from.
+        numbers: (m,) int32, what the rank calls its triangles; without rows: 0, 1, ...
         offset: Of this rank's first triangle among all.
     """
-    _to_global(slots, grid, drawn_here, ids, source, m, offset, out)
+    _to_global(slots, grid, drawn_here, ids, source, m, numbers, offset, out)
 
 
 @jit.kernel

@@ -20,6 +20,10 @@ from luxel.io.ply import INDEX_NAMES, read_header, scene_of
 from luxel.io.ply_rows import ROWS, Columns, Element, Lists, row_fields
 from luxel.scene.scene import Scene
 
+STREAMED = 1 << 20
+"""Triangles of a rank: larger shares stay in the file."""
+PIECE = 1 << 17
+"""Triangles that are read together."""
 _UNIT = 1e-3  # as `io.build` judges normals
 
 
@@ -46,9 +50,9 @@ class _Table:
     def read(self, file: IO[bytes], first: int, last: int) -> Iterator[tuple[int, Any]]:
         """Rows first .. last - 1, some at a time."""
         file.seek(self.begin + first * self.dtype.itemsize)
-        for start in range(first, last, ROWS):
-            rows = np.fromfile(file, self.dtype, min(ROWS, last - start))
-            if len(rows) < min(ROWS, last - start):
+        for start in range(first, last, PIECE):
+            rows = np.fromfile(file, self.dtype, min(PIECE, last - start))
+            if len(rows) < min(PIECE, last - start):
                 raise FileError(f"{file.name}, element {self.element.name}", f"the file ends in row {start + len(rows)} of {self.rows}")
             yield start, rows
 
@@ -86,8 +90,54 @@ class Outline:
         return np.stack([low, high]) if np.isfinite(low).all() else np.zeros((2, 3))
 
 
-def load_share(path: Path, comm: Comm) -> tuple[Scene, Scene] | None:
+class Stream:
+    """A share of a file that stays there: its triangles in pieces, and any of them with all that they have.
+
+    Attributes:
+        count: Its triangles.
+    """
+
+    def __init__(self, path: Path, tables: tuple[_Table, _Table], first: int, last: int, unit: bool, texture: str) -> None:
+        self.path, self.tables, self.first, self.count, self.unit, self.texture = path, tables, first, last - first, unit, texture
+
+    def pieces(self) -> Iterator[tuple[int, Array, Array]]:
+        """Number of the first triangle, positions (n, 3) float32 and triangles (k, 3) int32, piece by piece."""
+        vertex, face = self.tables
+        with self.path.open("rb") as file:
+            for start in range(0, self.count, PIECE):
+                corners = _corners(face, file, self.first + start, self.first + min(self.count, start + PIECE))
+                assert corners is not None
+                columns, local = _vertices(vertex, file, corners, "xyz")
+                positions = np.stack([columns[name].astype(np.float32, copy=False) for name in "xyz"], 1)
+                yield start, positions, local.reshape(-1, 3)
+
+    def scene(self, rows: Array) -> Scene:
+        """The triangles `rows` (k,) int32, ascending."""
+        vertex, face = self.tables
+        chosen = []
+        with self.path.open("rb") as file:
+            for start in range(0, self.count, PIECE):
+                wanted = rows[np.searchsorted(rows, start) : np.searchsorted(rows, start + PIECE)]
+                if len(wanted):
+                    corners = _corners(face, file, self.first + start, self.first + min(self.count, start + PIECE))
+                    assert corners is not None
+                    chosen.append(corners[wanted - start])
+            corners = np.concatenate(chosen or [np.zeros((0, 3), np.int32)])
+            columns, local = _vertices(vertex, file, corners)
+        return _scene(self.path, columns, local, self.unit, self.texture)
+
+
+def _scene(path: Path, columns: Columns, local: Array, unit: bool, texture: str) -> Scene:
+    if not unit:
+        _make_unit(columns)
+    faces: Columns = {"vertex_indices": Lists(np.broadcast_to(np.int64(3), len(local) // 3), local)} if len(local) else {}
+    return scene_of(path, {"vertex": columns, "face": faces}, texture)
+
+
+def load_share(path: Path, comm: Comm) -> tuple[Scene | Stream, Scene] | None:
     """This rank's part of the scene, and one to frame a camera with; None on all ranks if the file cannot be read in parts.
+
+    If shares are large, and all that is in the file can be drawn, they are left there.
 
     Args:
         path: Of the file, which all ranks can read.
@@ -102,17 +152,17 @@ def load_share(path: Path, comm: Comm) -> tuple[Scene, Scene] | None:
         if tables is None or max(table.end for table in tables) > path.stat().st_size:
             return None  # if it is too short, the reader of whole files says so
         vertex, face = tables
-        corners = _corners(face, file, *comm.share_out(face.rows)[comm.rank])
-        found = comm.gather((corners is not None, _normals(vertex, file, *comm.share_out(vertex.rows)[comm.rank])))
+        first, last = comm.share_out(face.rows)[comm.rank]
+        streamed = face.rows > STREAMED * comm.size
+        corners = None if streamed else _corners(face, file, first, last)
+        good = _sound(face, vertex, file, first, last) if streamed else corners is not None
+        found = comm.gather((good, _normals(vertex, file, *comm.share_out(vertex.rows)[comm.rank], streamed)))
         if not all(triangles and normals is not None for triangles, normals in found):
             return None
-        assert corners is not None
-        columns, local = _vertices(vertex, file, corners)
-    if not all(unit for _, unit in found):
-        _make_unit(columns)
-    lists = Lists(np.broadcast_to(np.int64(3), len(local) // 3), local)
-    faces: Columns = {"vertex_indices": lists} if len(local) else {}
-    scene = scene_of(path, {"vertex": columns, "face": faces}, texture)
+        unit = all(unit for _, unit in found)
+        scene: Scene | Stream = Stream(path, tables, first, last, unit, texture)
+        if corners is not None:
+            scene = _scene(path, *_vertices(vertex, file, corners), unit, texture)
     whole = scene_of(path, {"vertex": {name: np.zeros(0, np.float32) for name in "xyz"}}, "")
     whole.meshes[0] = Outline(Vertices(path, vertex), face.rows)  # type: ignore[call-overload]
     return scene, whole
@@ -148,11 +198,23 @@ def _corners(face: _Table, file: IO[bytes], first: int, last: int) -> Array | No
     return out
 
 
-def _normals(vertex: _Table, file: IO[bytes], first: int, last: int) -> bool | None:
-    """Whether the normals of vertices first .. last - 1 are unit; None if one has no direction."""
+def _sound(face: _Table, vertex: _Table, file: IO[bytes], first: int, last: int) -> bool:
+    """Whether faces first .. last - 1 are triangles of vertices that are there."""
+    for start in range(first, last, PIECE):
+        corners = _corners(face, file, start, min(last, start + PIECE))
+        if corners is None or int(corners.min(initial=0)) < 0 or int(corners.max(initial=0)) >= vertex.rows:
+            return False
+    return True
+
+
+def _normals(vertex: _Table, file: IO[bytes], first: int, last: int, all_finite: bool) -> bool | None:
+    """Whether the normals of vertices first .. last - 1 are unit; None if one has no direction, or is nowhere and `all_finite` is asked for."""
     unit = True
     for _, rows in vertex.read(file, first, last):
-        normals = vertex.stacked(rows, ("nx", "ny", "nz"))[np.isfinite(vertex.stacked(rows, "xyz")).all(1)]
+        finite = np.isfinite(vertex.stacked(rows, "xyz")).all(1)
+        if all_finite and not finite.all():
+            return None
+        normals = vertex.stacked(rows, ("nx", "ny", "nz"))[finite]
         with np.errstate(all="ignore"):
             square = np.einsum("ij,ij->i", normals, normals)
         if not ((square > 1e-12) & np.isfinite(square)).all():
@@ -161,8 +223,10 @@ def _normals(vertex: _Table, file: IO[bytes], first: int, last: int) -> bool | N
     return unit
 
 
-def _vertices(vertex: _Table, file: IO[bytes], corners: Array) -> tuple[Columns, Array]:
-    """The columns of the vertices that the triangles (k, 3) have, and the triangles' corners (3 k,) among them; what is out of range is -1."""
+def _vertices(vertex: _Table, file: IO[bytes], corners: Array, names: Iterable[str] | None = None) -> tuple[Columns, Array]:
+    """The columns (all, or those named) of the vertices that the triangles (k, 3) have, and the triangles' corners (3 k,) among them; what is out of
+    range is -1."""
+    fields = {name: vertex.fields[name] for name in names or vertex.fields}
     flat = corners.reshape(-1)
     parts = [flat[start : start + ROWS] for start in range(0, len(flat), ROWS)]  # no second copy of the whole
     low, high = vertex.rows, 0
@@ -178,11 +242,11 @@ def _vertices(vertex: _Table, file: IO[bytes], corners: Array) -> tuple[Columns,
         good = (part >= 0) & (part < vertex.rows)
         local[start : start + ROWS] = np.where(good, number[np.where(good, part, low) - low] if len(number) else 0, -1)
     del number
-    columns = {name: np.empty(int(used.sum()), vertex.dtype[field].newbyteorder("=")) for name, field in vertex.fields.items()}
+    columns = {name: np.empty(int(used.sum()), vertex.dtype[field].newbyteorder("=")) for name, field in fields.items()}
     at = 0
     for start, rows in vertex.read(file, low, high):
         chosen = rows[used[start - low : start - low + len(rows)]]
-        for name, field in vertex.fields.items():
+        for name, field in fields.items():
             columns[name][at : at + len(chosen)] = chosen[field]
         at += len(chosen)
     return columns, local

@@ -24,6 +24,7 @@ from luxel.cluster.plan import BALANCES, Plan
 from luxel.cluster.shares import Shared, share_scene
 from luxel.cluster.sort_first import ScreenBand
 from luxel.cluster.sort_last import ObjectBand
+from luxel.cluster.streamed import StreamedBand
 from luxel.errors import InputError
 from luxel.raster import frame
 from luxel.raster.picture import Picture
@@ -62,7 +63,7 @@ class Renderer:
         self.comm, self.divide, self.plan = comm, divide, Plan(balance)
         self.ranks: list[dict[str, float]] = []
         self.shared = scene if isinstance(scene, Shared) else share_scene(scene, comm, divide, composition)
-        self.prepared = prepare(self.shared.scene, shading, cull)
+        self.prepared, self._looks = prepare(self.shared.scene, shading, cull), (shading, cull)
 
     def render(self, camera: Camera | None = None, size: tuple[int, int] = (1280, 720), *, previous_camera: Camera | None = None,
                progress: Callable[[float], None] | None = None, **options: Any) -> Picture | None:  # fmt: skip
@@ -96,5 +97,7 @@ class Renderer:
         band: Callable[..., frame.Band] = partial(ScreenBand, self.comm, self.plan, clocked)
         if self.shared.team is not None:
             band = partial(ObjectBand, self.shared.team, self.plan, clocked)
+        if self.shared.team is not None and self.shared.stream is not None:
+            band = partial(StreamedBand, self.shared.stream, self._looks, self.shared.team, self.plan, clocked)
         picture = frame.draw(prepared, camera, size, options, previous, progress, band=band)
         return Picture(seconds=picture.seconds) if self.comm.rank else picture

@@ -13,9 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from luxel.arrays import Array
 from luxel.cluster.comm import Comm
-from luxel.cluster.ply_share import load_share
+from luxel.cluster.ply_share import Stream, load_share
 from luxel.cluster.sort_last import Team
 from luxel.io import load
 from luxel.io.files import door, tell
@@ -34,12 +33,14 @@ class Shared(NamedTuple):
         outline: All of it, as far as framing a camera asks; only rank 0 need have it.
         team: Who shares what; None where every rank has everything.
         triangles: Of the whole scene.
+        stream: Where this rank's triangles are, if they are left in the file; `scene` then has one of them, for what they are made of.
     """
 
     scene: Scene
     outline: Scene
     team: Team | None
     triangles: int
+    stream: Stream | None = None
 
 
 def group_count(size: int) -> int:
@@ -80,9 +81,14 @@ def share_scene(source: Any, comm: Comm, divide: str = "screen", composition: st
         if path is not None and comm.rank == 0 and comm.size > 1:
             tell(path.name, "cannot be read in parts: every rank reads all of it, and keeps its share")
     share, outline = found
-    with_all_attributes(share, comm)
-    at = offsets(share, group)
-    return Shared(share, outline, Team(comm, group, number, groups, at, composition), int(at[-1]))
+    stream = share if isinstance(share, Stream) else None
+    if isinstance(share, Stream):
+        count, share = share.count, share.scene(np.arange(min(share.count, 1), dtype=np.int32))
+    else:
+        count = share.triangle_count
+        with_all_attributes(share, comm)
+    at = np.cumsum([0, *group.gather(count)]).astype(np.int64)
+    return Shared(share, outline, Team(comm, group, number, groups, at, composition), int(at[-1]), stream)
 
 
 def sliced(scene: Scene, first: int, last: int) -> Scene:
@@ -108,11 +114,6 @@ def part_of(mesh: Mesh, first: int, last: int) -> Mesh:
         name: value[used] for name in ("positions", "normals", *_FILLS) if (value := getattr(mesh, name)) is not None
     }
     return replace(mesh, triangles=triangles.reshape(-1, 3).astype(np.int32), **arrays)
-
-
-def offsets(scene: Scene, comm: Comm) -> Array:
-    """(ranks + 1,) int64: where the triangles of each rank begin among all."""
-    return np.cumsum([0, *comm.gather(scene.triangle_count)]).astype(np.int64)
 
 
 def with_all_attributes(scene: Scene, comm: Comm) -> None:

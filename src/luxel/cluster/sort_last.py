@@ -54,6 +54,7 @@ class ObjectBand(Band):
     def __init__(self, team: Team, plan: Plan, clocked: dict[str, float], *rest: Any) -> None:
         self.team, self.plan, self.clocked = team, plan, clocked
         self.mine, self.whole = list[Box](), list[Box]()  # rectangles that this rank has: of outputs and, unless a filter reaches farther, colours
+        self.numbers = np.empty(0, np.int32)  # what the scene's share calls the triangles that are drawn; none: as they are
         super().__init__(*rest)
         modes = set().union(*team.world.gather(set(self.bins)))
         self.blended, self.keep_depth = BLEND in modes, True
@@ -109,7 +110,7 @@ class ObjectBand(Band):
         blended = self._blended(first, last)
         slots = np.flatnonzero(group.summed(own.astype(np.int64) + (blended if blended is not None else 0)))
         ids = reusable(drawn_ids.shape, np.int32)
-        claims.to_global(slots, grid, own, drawn_ids, self.clipped.source, self._count(), self.offset, ids)
+        claims.to_global(slots, grid, own, drawn_ids, self.clipped.source, self._count(), self.numbers, self.offset, ids)
         clear(slots[own[slots] == 0], ids, depths)
         sent, start = group.sent, time.perf_counter()
         self._add("merged", composite(slots, self.pixels, ids, depths, group, self.team.composition))
@@ -164,10 +165,12 @@ class ObjectBand(Band):
         sources, places = [claims.first_samples(runs, grid) for runs in claimed], [claims.first_samples(runs, grid) for runs in asked]
         for name, array in self.outputs._asdict().items():
             if array.size:
-                offset = np.int32(self.offset if name == "triangle" else 0)
-                got = self.team.group.exchange([array[at] + offset if offset else array[at] for at in sources])
-                for at, values in zip(places, got, strict=True):
-                    array[at] = values
+                values = [array[at] for at in sources]
+                if name == "triangle":
+                    values = [(self.numbers[part] if len(self.numbers) else part) + np.int32(self.offset) for part in values]
+                got = self.team.group.exchange(values)
+                for at, part in zip(places, got, strict=True):
+                    array[at] = part
 
     def _colors(self, first: int, last: int, grid: claims.Grid, kept: Array, mine: Array, ids: Array, claimed: list[Array], colors: Array) -> None:
         """Shade what is claimed; the colours that come back become pixels, or fill `colors`, sample by sample, if it has rows."""
