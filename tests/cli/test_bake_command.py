@@ -138,7 +138,7 @@ def test_an_interrupted_bake_keeps_its_state_and_writes_nothing_half(box, tmp_pa
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("--quality", "best"), "--quality: expected one of draft, normal, final, got 'best'"),
+        (("--quality", "best"), "--quality: expected one of draft, normal, final, progressive, reference, got 'best'"),
         (("--density", "0"), "--density: expected a number above 0"),
         (("--tolerance", "2"), "--tolerance: expected a share between 0 and 1"),
         (("--convention", "mozz"), "did you mean moz?"),
