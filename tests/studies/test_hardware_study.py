@@ -118,11 +118,12 @@ def test_what_is_recorded_says_so(tmp_path):
     data, text = json.loads((tmp_path / "results.json").read_text())["tables"], (tmp_path / "README.md").read_text()
     assert set(data) == {"recorded_ecp5", "recorded_cells"}
     assert text.count("**Recorded, not measured in this run**") == 2
-    for rows in data.values():
+    asked = {"recorded_ecp5": 200.0, "recorded_cells": 222.2}  # of all modules and the whole: on an ECP5-5G, and at the paper's own 0.13 um
+    for name, rows in data.items():
         assert {row["source"] for row in rows} == {"recorded", "paper"}
         assert {"area", "reciprocal", "whole"} < {row["module"] for row in rows}
         assert rows[-1]["MHz"] == 222.2
-        assert all(row["MHz"] > 222.2 for row in rows[:-1])
+        assert all(row["MHz"] > asked[name] for row in rows[:-1])
     for row in data["recorded_ecp5"][:-1]:
         assert row["MHz, least"] <= row["MHz"] <= row["MHz, most"]
         assert (row["MHz, least"] < row["MHz, most"]) == (row["seeds"] > 1)
