@@ -24,7 +24,7 @@ too small or missing, and of texels with two charts; and the ratio of the most t
 
 MOST_GUTTER = 4
 _SLACK = 1e-4  # beyond 0..1 by rounding
-_BYTES_A_LUXEL, _BYTES_A_TRIANGLE, _BYTES_AT_LEAST = 700, 400, 150 << 20
+_BYTES_A_LUXEL, _BYTES_A_TRIANGLE, _BYTES_AT_LEAST = 1250, 400, 150 << 20
 _SECONDS_A_LUXEL, _SECONDS_A_TRIANGLE, _SECONDS_AT_LEAST = 2.5e-5, 2e-5, 0.5
 
 
