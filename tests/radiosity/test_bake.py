@@ -107,6 +107,14 @@ def test_an_interrupted_bake_resumes_to_the_same_bytes(lamp_room, tmp_path):
         bake(lamp_room, density=21, quality="draft", checkpoint=state, resume=True)
 
 
+def test_a_checkpoint_that_cannot_be_written_does_not_lose_the_light(lamp_room, tmp_path):
+    whole = bake(lamp_room, density=20, quality="draft")
+    with pytest.warns(LuxelWarning, match="the bake goes on"):
+        kept = bake(lamp_room, density=20, quality="draft", checkpoint=tmp_path / "no folder" / "state")
+    assert kept.finished
+    assert kept.irradiance.tobytes() == whole.irradiance.tobytes()
+
+
 def test_a_broken_checkpoint_is_named(lamp_room, tmp_path):
     state = tmp_path / "state"
     state.write_bytes(b"nonsense")

@@ -20,7 +20,7 @@ import numpy as np
 from luxel import jit
 from luxel.arrays import Array
 from luxel.clock import Clock
-from luxel.errors import InputError, LuxelWarning
+from luxel.errors import FileError, InputError, LuxelWarning
 from luxel.radiosity import checkpoint as saving
 from luxel.radiosity import lightmap
 from luxel.radiosity.direct import light_table, shine, sky_table
@@ -370,11 +370,19 @@ def _shoot_all(shooting: Iterator[State], prepared: _Prepared, state: State, dea
             if progress:
                 progress(state.ledger[-1].unshot_fraction, Progress(prepared, state))
             if keep and time.monotonic() - saved > _SAVE_EVERY:
-                saving.save(*keep, state)
+                _save(keep, state)
                 saved = time.monotonic()
             if deadline is not None and time.monotonic() > deadline:
                 return False
     finally:
         if keep:
-            saving.save(*keep, state)
+            _save(keep, state)
     return True
+
+
+def _save(keep: tuple[Path, str], state: State) -> None:
+    """Keep the state; if it cannot be, that is said, and the light that is found so far is not lost for it."""
+    try:
+        saving.save(*keep, state)
+    except FileError as error:
+        warnings.warn(f"{error}: the bake goes on, and cannot be resumed from here", LuxelWarning, stacklevel=4)
