@@ -109,3 +109,18 @@ def test_a_child_and_a_copy_have_their_own():
     reusable((LARGE,), np.uint8)[:] = 9
     assert (copy == 3).all()
     assert bytes(view[:10]) == bytes([3] * 10)
+
+
+def test_what_is_free_is_the_least_of_machine_and_container(tmp_path, monkeypatch):
+    (tmp_path / "meminfo").write_text("MemTotal: 9000 kB\nMemAvailable: 4000 kB\n")
+    group = [tmp_path / name for name in ("max", "current", "stat")]
+    monkeypatch.setattr(memory, "_MEMINFO", tmp_path / "meminfo")
+    monkeypatch.setattr(memory, "_GROUPS", ((*group, "inactive_file"),))
+    assert memory.free_bytes() == 4000 << 10
+    for path, text in zip(group, ("3000000\n", "1000000\n", "anon 5\ninactive_file 250000\n"), strict=True):
+        path.write_text(text)
+    assert memory.free_bytes() == 2_250_000
+    group[0].write_text("max\n")
+    assert memory.free_bytes() == 4000 << 10
+    (tmp_path / "meminfo").unlink()
+    assert memory.free_bytes() is None

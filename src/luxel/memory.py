@@ -1,4 +1,4 @@
-"""Memory that is used again: large arrays of every frame, without asking the system for them every time.
+"""Memory: how much is free, and large arrays of every frame that use it again, without asking the system every time.
 
 A fresh large array costs more than filling it: the system hands out its pages one by one, when they are first touched, and cleared. So the memory of
 an array from `reusable` is kept when nobody refers to it any more, and given to the next that fits.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,13 @@ LARGE = 1 << 18
 
 MOST_IDLE = 256 << 20
 """Bytes that are kept while nobody uses them."""
+
+_MEMINFO = Path("/proc/meminfo")
+_CGROUP = Path("/sys/fs/cgroup")
+_GROUPS = (
+    (_CGROUP / "memory.max", _CGROUP / "memory.current", _CGROUP / "memory.stat", "inactive_file"),
+    (_CGROUP / "memory/memory.limit_in_bytes", _CGROUP / "memory/memory.usage_in_bytes", _CGROUP / "memory/memory.stat", "total_inactive_file"),
+)
 
 _ALIGNMENT = 64
 # The latest so many pieces at most. Its own operations are atomic: arrays come back from any thread, and while garbage is collected.
@@ -66,3 +74,28 @@ def reusable(shape: tuple[int, ...], dtype: object) -> Array:
     memory = _found(size)
     array = np.asarray(_Lease(np.empty(size + _ALIGNMENT, np.uint8) if memory is None else memory))
     return array[:size].view(kind).reshape(shape)
+
+
+def free_bytes() -> int | None:
+    """Memory that this process may still take, without swapping: of the machine and of its control group; None if it cannot be told."""
+    left = [room for room in (_of_machine(), _of_group()) if room is not None]
+    return min(left, default=None)
+
+
+def _of_machine() -> int | None:
+    try:
+        lines = dict(line.split(":", 1) for line in _MEMINFO.read_text().splitlines() if ":" in line)
+        return int(lines["MemAvailable"].split()[0]) << 10
+    except (OSError, KeyError, ValueError):
+        return None
+
+
+def _of_group() -> int | None:
+    """What the limit of a container leaves; pages of files that it holds can be dropped."""
+    for limit, used, stat, held in _GROUPS:
+        try:
+            dropped = dict(line.split() for line in stat.read_text().splitlines())[held]
+            return int(limit.read_text()) - int(used.read_text()) + int(dropped)
+        except (OSError, KeyError, ValueError):  # no such group, or "max": no limit
+            continue
+    return None

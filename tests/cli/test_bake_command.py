@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -165,6 +166,19 @@ def test_a_scene_without_light(capsys, tmp_path):
     luxel.save(luxel.scene.builtin.plane(), tmp_path / "plane.ply")
     assert "nothing shines" in error_of(capsys, tmp_path / "plane.ply", "-o", tmp_path / "lit.glb", "--density", "4")
     assert [p.name for p in tmp_path.iterdir()] == ["plane.ply"]
+
+
+def test_a_dry_run_looks_at_the_light_too(capsys, tmp_path):
+    luxel.save(luxel.scene.builtin.plane(), tmp_path / "plane.ply")
+    assert "nothing shines" in error_of(capsys, tmp_path / "plane.ply", "--dry-run")
+    assert "--sky" in error_of(capsys, tmp_path / "plane.ply", "--dry-run", "--sky", "blue")
+
+
+def test_a_disk_without_room_is_found_when_the_bake_begins(capsys, box, tmp_path, monkeypatch):
+    monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=1_100_000))
+    said = error_of(capsys, box, "-o", tmp_path / "lit.glb", "--density", "120", "--page", "256", "--quality", "draft")
+    assert "MB will be needed, and the disk has 1 MB left" in said
+    assert not (tmp_path / "lit.glb").exists()
 
 
 def test_lamps_can_be_left_out(capsys, tmp_path):

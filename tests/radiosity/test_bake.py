@@ -1,4 +1,5 @@
 import itertools
+import re
 import warnings
 
 import numpy as np
@@ -10,6 +11,8 @@ from hypothesis import strategies as st
 import luxel
 from luxel import Camera, InputError, Light, LuxelWarning, Mesh, Scene
 from luxel.radiosity.bake import bake
+from luxel.radiosity.diagnosis import estimate
+from luxel.radiosity.unwrap import expected_luxels
 from luxel.scene.builtin.shapes import sphere
 from luxel.scene.transforms import look_at
 
@@ -120,6 +123,16 @@ def test_a_broken_checkpoint_is_named(lamp_room, tmp_path):
     state.write_bytes(b"nonsense")
     with pytest.raises(luxel.FileError, match="state: expected a checkpoint"):
         bake(lamp_room, density=10, quality="draft", checkpoint=state, resume=True)
+
+
+def test_what_does_not_fit_in_memory_is_refused_before_it_is_laid_out(lamp_room, monkeypatch):
+    monkeypatch.setattr("luxel.radiosity.diagnosis.free_bytes", lambda: 1 << 30)
+    monkeypatch.setattr("luxel.radiosity.bake.unwrap", lambda *_: pytest.fail("laid out"))
+    with pytest.raises(InputError, match=r"luxels would take about .* GB, and 1\.1 GB are free: a density of [0-9.]+ would do") as told:
+        bake(lamp_room, density=3000)
+    fits = float(re.search(r"density of ([0-9.e+]+)", str(told.value))[1])
+    wanted = expected_luxels(lamp_room, fits)
+    assert 0.8 * (1 << 30) < estimate(int(wanted), 0)[0] < 1.1 * (1 << 30)
 
 
 def test_what_lies_in_a_solid_takes_no_part(lamp_room):

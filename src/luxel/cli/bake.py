@@ -29,6 +29,7 @@ _QUALITIES, _CONVENTIONS = ("draft", "normal", "final", "progressive", "referenc
 _PREVIEW_SIZE = (960, 540)
 _REDRAW = 12  # a preview may take a part of the time like this
 _ROOM = 16  # bytes a texel of a page, in the files
+_WHITE = "1"
 
 
 def _option(heading: str | None, *names: str, metavar: str | None = None, help: str) -> Any:
@@ -83,7 +84,7 @@ def bake(
     tolerance: Tolerance = None,
     seconds_: Seconds = None,
     convention: ConventionName = "moz",
-    white: White = "1",
+    white: White = _WHITE,
     no_lights: NoLights = False,
     exr: Exr = False,
     layers: Layers = False,
@@ -120,14 +121,16 @@ def bake(
         only_indirect,
         None if ao is None else values.number(ao, "--ao", "metres above 0", lambda x: x > 0),
     )
+    if write.convention != "unlit" and white != _WHITE:
+        raise InputError(f"--white: only of --convention unlit, got {white!r} with {write.convention}")
     console = Console(quiet, as_json)
+    options["sky"] = None if sky is None else _sky(sky)
     if dry_run:
         _tell(console, file, options)
         return
     if layers:
         options["layers"] = True
     _check_targets(write, preview, options)
-    options["sky"] = None if sky is None else _sky(sky)
     _bake(console, file, write, preview, options)
 
 
@@ -156,6 +159,16 @@ def _check_targets(write: _Write, preview: Path | None, options: dict[str, Any])
     check_writable(options["checkpoint"])
     if preview is not None:
         check_writable(values.output(preview, PICTURES, "--preview"))
+
+
+def _check_room(write: _Write, checkpoint: Path, begun: Progress) -> None:
+    """That the disk has room, once it is known for how much."""
+    from luxel.radiosity.output import check_writable
+
+    texels, state = begun.sizes
+    pages = 1 + (write.exr or write.convention == "sidecar") + write.layers
+    check_writable(checkpoint, 2 * state)  # the one before stays until the next is whole
+    check_writable(write.output, _ROOM * texels * pages + 2 * state)
 
 
 def _sky(text: str) -> Any:
@@ -188,12 +201,17 @@ def _sky(text: str) -> Any:
 def _tell(console: Console, file: Path, options: dict[str, Any]) -> None:
     """What the lightmap would be, and what the bake would take."""
     from luxel import load
+    from luxel.radiosity.bake import rays_of
     from luxel.radiosity.diagnosis import diagnose
+    from luxel.radiosity.elements import QUALITIES
+    from luxel.radiosity.lamps import lamps_of
     from luxel.radiosity.unwrap import unwrap
 
+    scene = load(file)
+    lamps = lamps_of(scene, options["sky"])
     with console.work("laying out"):
-        atlas = unwrap(load(file), options["density"], options["page"], threads=options["threads"])
-        found = diagnose(atlas, options["threads"])
+        atlas = unwrap(scene, options["density"], options["page"], threads=options["threads"])
+        found = diagnose(atlas, options["threads"], rays_of(QUALITIES[options["quality"]], lamps.sky is not None))
     data = {**found._asdict(), "density": found.density._asdict(), "faults": found.faults(), "serves": found.serves}
     console.result({"file": str(file), **data}, found.text())
 
@@ -209,7 +227,7 @@ def _bake(console: Console, file: Path, write: _Write, preview: Path | None, opt
         console.note(f"nothing to resume: there is no {state}; the bake starts anew")
     try:
         with console.work("laying out the lightmap") as report:
-            watch = _Watch(report, preview, options["tolerance"] or 1e-3)
+            watch = _Watch(report, preview, options["tolerance"] or 1e-3, partial(_check_room, write, state))
             baked = bake(scene, progress=watch, **options)
             report(1.0, "writing")
             lit = _lit(baked, write, options["threads"])
@@ -229,11 +247,15 @@ def _bake(console: Console, file: Path, write: _Write, preview: Path | None, opt
 class _Watch:
     """Shows how the unshot light falls, and draws previews as often as they cost little."""
 
-    def __init__(self, report: Callable[..., None], preview: Path | None, tolerance: float) -> None:
+    def __init__(self, report: Callable[..., None], preview: Path | None, tolerance: float, begun: Callable[[Progress], None]) -> None:
         self.report, self.preview, self.tolerance = report, preview, tolerance
+        self.begun: Callable[[Progress], None] | None = begun
         self.next = 0.0
 
     def __call__(self, unshot: float, state: Progress) -> None:
+        if self.begun:
+            self.begun(state)
+            self.begun = None
         done = math.log(max(unshot, self.tolerance)) / math.log(self.tolerance) if unshot < 1 else 0.0
         looking = f"; {state.looked:.0%} of the luxels have looked around" if 0 < state.looked < 1 else ""
         self.report(min(done, 1.0), f"{unshot:7.2%} of the light unshot{looking}")

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from functools import cache, cached_property
 from itertools import chain
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -23,18 +23,18 @@ from luxel.clock import Clock
 from luxel.errors import FileError, InputError, LuxelWarning
 from luxel.radiosity import checkpoint as saving
 from luxel.radiosity import lightmap
-from luxel.radiosity.direct import light_table, shine, sky_table
+from luxel.radiosity.diagnosis import check_memory
 from luxel.radiosity.elements import QUALITIES, Cut, Quality, cut, frames_of_texels
 from luxel.radiosity.gather import Lookup, Sight, View, element_pages, see_around, texel_maps
 from luxel.radiosity.inside import free_places, seen_backs
+from luxel.radiosity.lamps import Lamps, lamps_of
 from luxel.radiosity.luxels import Luxels, find_luxels, part_of
 from luxel.radiosity.occlusion import Occlusion, prepare
 from luxel.radiosity.pages import triangle_pages
 from luxel.radiosity.rays import scene_masks
 from luxel.radiosity.relight import Transport, transport_of
-from luxel.radiosity.sky import shine_sky, split
 from luxel.radiosity.solve import Problem, Rows, State, Step, ambient, complete, element_steps, light_steps, patch_steps, start
-from luxel.radiosity.unwrap import Atlas, unwrap
+from luxel.radiosity.unwrap import Atlas, expected_luxels, unwrap
 from luxel.raster.bin import BLEND
 from luxel.raster.geometry import Geometry, flatten
 from luxel.scene.material import Material
@@ -58,7 +58,6 @@ _MOST_BACKS = 0.5
 _FEW_VALID, _MUCH_LOST = 0.5, 0.98
 """Shares of valid luxels and of escaped light that are worth a word."""
 
-_SUN_DIRECTIONS = 2048  # all around: what is much brighter than the rest of the sky is put into these
 _SAVE_EVERY = 30.0  # seconds
 
 
@@ -139,6 +138,12 @@ class Progress:
         """Of the emitted light, 0..1."""
         return self.state.ledger[-1].unshot_fraction if self.state.ledger else 1.0
 
+    @property
+    def sizes(self) -> tuple[int, int]:
+        """Texels of all pages, and bytes of the state in a checkpoint."""
+        (width, height), pages = self.prepared.atlas.size, self.prepared.atlas.pages
+        return width * height * pages, saving.size(self.state)
+
     def preview(self) -> Scene:
         """The scene as lit so far, with an ambient term for what is unshot."""
         p = self.prepared
@@ -170,19 +175,22 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
         layers: Also the light of each lamp by itself, and of the sky.
 
     Raises:
-        InputError: Nothing shines, there is no surface, or a value cannot be worked with; the checkpoint is of another bake.
+        InputError: Nothing shines, there is no surface, or a value cannot be worked with; the checkpoint is of another bake; so many luxels do
+            not fit in the memory that is free.
         ExtraMissingError: The scene needs texture coordinates and xatlas is not installed.
     """
     settings = _quality(quality, tolerance)
     threads = jit.checked_threads(threads)
     clock = Clock()
-    prepared = _prepare(scene, settings, density, page, threads, clock)
-    lamps = _lamps(prepared.atlas.scene, sky)
+    scene = _loaded(scene)
+    clock.lap("load")
+    lamps = lamps_of(scene, sky)
+    rays = rays_of(settings, lamps.sky is not None)
+    prepared = _prepare(scene, settings, density, page, rays, threads, clock)
     problem = prepared.cut.problem
     if problem.lights is None and not len(lamps.table) and lamps.sky is None:
-        raise InputError("bake: nothing shines: expected an emissive material, a light or a sky")
+        raise InputError("bake: nothing shines: what is emissive has no surface, or its pictures are black")
     keep = transport or layers
-    rays = (settings.seen or _SEEN) * (1 if lamps.sky is None else 2)
     rows, light_rows = _room(problem, settings.seen > 0, rays, keep)
     state = start(problem)
 
@@ -194,7 +202,7 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
     def sight() -> Sight:
         return see_around(prepared.view, rays, threads, told)
 
-    still = lamps.shine(prepared, sight, slice(None), True, threads)
+    still = lamps.shine(prepared.view, problem.elements, sight, slice(None), True, threads)
     state = start(problem, still)
     clock.lap("direct")
     key = saving.fingerprint(prepared.geometry, prepared.luxels, problem.exitance, still, settings) if checkpoint else ""
@@ -229,6 +237,11 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
     return baked
 
 
+def rays_of(settings: Quality, sky: bool) -> int:
+    """By how many rays each element looks around."""
+    return (settings.seen or _SEEN) * (2 if sky else 1)
+
+
 def _room(problem: Problem, elements_shoot: bool, rays: int, keep: bool) -> tuple[Rows, Rows]:
     """Where rows are kept: of the patches what fits, if they shoot; of the lights all if they must be."""
     n, patches = problem.elements.numbers.shape[1], len(problem.patches.tree.patches)
@@ -239,7 +252,7 @@ def _room(problem: Problem, elements_shoot: bool, rays: int, keep: bool) -> tupl
     return Rows(patches, n, 0 if elements_shoot else _ROW_BYTES), Rows(lights, n, wanted if keep else 0)
 
 
-def _layers(prepared: _Prepared, kept: Transport, lamps: _Lamps, sight: Callable[[], Sight], threads: int) -> dict[str, Array]:
+def _layers(prepared: _Prepared, kept: Transport, lamps: Lamps, sight: Callable[[], Sight], threads: int) -> dict[str, Array]:
     """(n, 3) float32 irradiance by lamp: objects with emissive surfaces, lights of the scene, the sky."""
     scene, luxels = prepared.atlas.scene, prepared.luxels
     layers: dict[str, Array] = {}
@@ -250,6 +263,9 @@ def _layers(prepared: _Prepared, kept: Transport, lamps: _Lamps, sight: Callable
             unique, k = f"{name} {k}", k + 1
         layers[unique] = kept.spread(still, emission, kept.albedo, _LAYER, threads)
 
+    def shine(rows: slice, sky: bool) -> Array:
+        return lamps.shine(prepared.view, prepared.cut.problem.elements, sight, rows, sky, threads)
+
     nothing, dark = np.zeros_like(kept.still), np.zeros_like(luxels.emission)
     drawn = [i for i in scene.instances if len(scene.meshes[i.mesh].triangles)]
     objects = prepared.geometry.part_object[part_of(prepared.geometry, luxels.triangle)]
@@ -257,9 +273,9 @@ def _layers(prepared: _Prepared, kept: Transport, lamps: _Lamps, sight: Callable
         name = next((i.name for i in drawn if i.object == number and i.name), f"object {number}")
         add(name, nothing.copy(), np.where((objects == number)[:, None], luxels.emission, dark))
     for row, light in enumerate(scene.lights):
-        add(light.name or f"light {row}", lamps.shine(prepared, sight, slice(row, row + 1), False, threads), dark)
+        add(light.name or f"light {row}", shine(slice(row, row + 1), False), dark)
     if lamps.sky is not None:
-        add("sky", lamps.shine(prepared, sight, slice(lamps.own, None), True, threads), dark)
+        add("sky", shine(slice(lamps.own, None), True), dark)
     return layers
 
 
@@ -277,17 +293,23 @@ def _quality(quality: str | Quality, tolerance: float | None) -> Quality:
     return quality
 
 
-def _prepare(scene: Any, settings: Quality, density: float | None, page: int, threads: int, clock: Clock) -> _Prepared:
-    if not isinstance(scene, Scene):
-        from luxel.io import load
+def _loaded(scene: Any) -> Scene:
+    if isinstance(scene, Scene):
+        return scene
+    from luxel.io import load
 
-        scene = load(scene)
-    clock.lap("load")
+    return load(scene)
+
+
+def _prepare(scene: Scene, settings: Quality, density: float | None, page: int, rays_each: int, threads: int, clock: Clock) -> _Prepared:
+    if density is not None:
+        check_memory(expected_luxels(scene, density), 0, rays_each, density)
     atlas = unwrap(scene, density, page)
     clock.lap("unwrap")
     luxels = find_luxels(atlas, threads)
     if not len(luxels.area):
         raise InputError("bake: the scene has no surface")
+    check_memory(len(luxels.area) + int(luxels.two_sided.sum()), len(atlas.chart), rays_each, density)
     clock.lap("luxels")
     geometry = flatten(atlas.scene, "none")
     two_sided = _two_sided(atlas.scene, geometry)
@@ -321,36 +343,6 @@ def _two_sided(scene: Scene, geometry: Geometry) -> Array:
     """(m,) bool, of each triangle."""
     sided = np.array([m.double_sided for m in [*scene.materials, Material()]])
     return sided[geometry.part_material[part_of(geometry, np.arange(len(geometry.triangles)))]]
-
-
-class _Lamps(NamedTuple):
-    """Every light without a surface: a `light_table`, its first `own` rows the scene's lights and the others the sun; and an even sky."""
-
-    table: Array
-    own: int
-    sky: Array | None
-
-    def shine(self, prepared: _Prepared, sight: Callable[[], Sight], rows: slice, sky: bool, threads: int) -> Array:
-        """(3, n) float32: irradiance of the elements from some of the lights, W/m2."""
-        table, elements = self.table[rows], prepared.cut.problem.elements
-        received = shine(prepared.rays, elements, table, prepared.reach, threads)
-        return received + shine_sky(prepared.view, sight().hits, self.sky, threads) if sky and self.sky is not None else received
-
-
-def _lamps(scene: Scene, sky: Any) -> _Lamps:
-    table = light_table(scene.lights)
-    if sky is None:
-        return _Lamps(table, len(table), None)
-    radiance = np.full(3, float(sky)) if np.ndim(sky) == 0 else np.asarray(sky)
-    if not (np.isfinite(radiance).all() and np.min(radiance) >= 0):
-        raise InputError("sky: expected finite radiance of at least 0")
-    if radiance.shape != (3,) and (radiance.ndim != 3 or radiance.shape[2] != 3 or not radiance.size):
-        raise InputError(f"sky: expected a number, (3,) or (h, w, 3), got {radiance.shape}")
-    if not radiance.any():
-        return _Lamps(table, len(table), None)
-    even, sun = split(radiance)
-    suns = sky_table(sun, _SUN_DIRECTIONS) if (sun > 0).any() else table[:0]
-    return _Lamps(np.concatenate([table, suns]), len(table), even)
 
 
 def _per_luxel(prepared: _Prepared, values: Array) -> Array:

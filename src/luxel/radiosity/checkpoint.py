@@ -26,6 +26,11 @@ def fingerprint(geometry: Geometry, luxels: Luxels, exitance: Array, lights: Arr
     return digest.hexdigest()
 
 
+def size(state: State) -> int:
+    """Bytes that a checkpoint of it takes, about."""
+    return sum(getattr(state, name).nbytes for name in _ARRAYS)
+
+
 def save(path: Path, key: str, state: State) -> None:
     """Write the state.
 
@@ -60,8 +65,10 @@ def load(path: Path, key: str, fresh: State) -> State | None:
     try:
         with open(path, "rb") as file, np.load(file, allow_pickle=False) as kept:
             arrays = {name: kept[name] for name in (*_ARRAYS, "key", "counts", "ledger")}
-    except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
-        raise FileError(path, f"expected a checkpoint of a bake ({error})") from error
+    except OSError as error:
+        raise FileError(path, f"cannot read the checkpoint ({error.strerror or error})") from error
+    except (ValueError, KeyError, EOFError, BadZipFile) as error:
+        raise FileError(path, "expected a checkpoint of a bake; the file is something else, or damaged") from error
     if str(arrays["key"]) != key:
         raise InputError(f"{path}: the checkpoint is of another scene or other settings; delete it, or bake without --resume")
     for name in _ARRAYS:

@@ -8,6 +8,8 @@ import numpy as np
 
 from luxel import jit
 from luxel.arrays import Array
+from luxel.errors import InputError
+from luxel.memory import free_bytes
 from luxel.radiosity.overlap import overlap
 from luxel.radiosity.pages import draw_page, triangle_pages
 from luxel.radiosity.pieces import areas
@@ -24,7 +26,8 @@ too small or missing, and of texels with two charts; and the ratio of the most t
 
 MOST_GUTTER = 4
 _SLACK = 1e-4  # beyond 0..1 by rounding
-_BYTES_A_LUXEL, _BYTES_A_TRIANGLE, _BYTES_AT_LEAST = 1250, 400, 150 << 20
+_BYTES_A_LUXEL, _BYTES_A_RAY, _BYTES_A_TRIANGLE, _BYTES_AT_LEAST = 750, 4, 400, 150 << 20
+_RAYS = 128  # of a luxel in a bake of normal quality without a sky
 _SECONDS_A_LUXEL, _SECONDS_A_TRIANGLE, _SECONDS_AT_LEAST = 2.5e-5, 2e-5, 0.5
 
 
@@ -51,7 +54,8 @@ class Diagnosis(NamedTuple):
         small_share: Share of the surface in those, or in no chart at all.
         contested: Texels in which more than one chart lies.
         gutter: Least number of free texels between two charts, counted up to MOST_GUTTER.
-        bytes, seconds: What a bake of `normal` quality will take; see `estimate`.
+        bytes, seconds: What a bake will take; see `estimate`.
+        free: Bytes of memory that are free; None if that cannot be told.
     """
 
     triangles: int
@@ -70,6 +74,7 @@ class Diagnosis(NamedTuple):
     gutter: int
     bytes: int
     seconds: float
+    free: int | None
 
     @property
     def serves(self) -> bool:
@@ -106,14 +111,14 @@ class Diagnosis(NamedTuple):
             f"gutter       {self.gutter if self.gutter < MOST_GUTTER else f'{MOST_GUTTER} or more'} free texels between charts",
             f"overlap      {self.overlap:.2%}, {self.contested:,} texels with two charts",
             f"small charts {self.small:,} smaller than a texel, {self.small_share:.2%} of the surface",
-            f"memory       about {self.bytes / 2**20:,.0f} MiB",
+            f"memory       about {self.bytes / 2**20:,.0f} MiB{'' if self.free is None else f' ({self.free / 2**20:,.0f} MiB are free)'}",
             f"time         about {_spell(self.seconds)}",
         ]
         return "\n".join(lines + [f"fault        {fault}" for fault in self.faults()])
 
 
-def diagnose(atlas: Atlas, threads: int | None = None) -> Diagnosis:
-    """Look at the lightmap coordinates of a scene."""
+def diagnose(atlas: Atlas, threads: int | None = None, rays: int = _RAYS) -> Diagnosis:
+    """Look at the lightmap coordinates of a scene, and tell what a bake takes whose luxels keep what so many rays meet."""
     threads = jit.checked_threads(threads)
     geometry = flatten(atlas.scene, "none")
     screen, surface = place_vertices(geometry.texcoords1, atlas.size, threads), areas(geometry.positions, geometry.triangles)
@@ -132,17 +137,34 @@ def diagnose(atlas: Atlas, threads: int | None = None) -> Diagnosis:
     beyond = np.abs(geometry.texcoords1 - np.float32(0.5)).max(1, initial=0) > 0.5 + _SLACK
     outside = int(np.count_nonzero(beyond[geometry.triangles].any(1) & (surface > 0)))
     charts, triangles = int(atlas.chart.max(initial=-1)) + 1, len(geometry.triangles)
-    memory, seconds = estimate(luxels, triangles)
+    memory, seconds = estimate(luxels, triangles, rays)
     return Diagnosis(
         triangles, charts, atlas.pages, atlas.size, atlas.reused, luxels, luxels / (atlas.pages * atlas.size[0] * atlas.size[1]),
-        density_of(atlas, geometry, surface), twice / max(covered, 1), outside, small, share, contested, gutter, memory, seconds,
+        density_of(atlas, geometry, surface), twice / max(covered, 1), outside, small, share, contested, gutter, memory, seconds, free_bytes(),
     )  # fmt: skip
 
 
-def estimate(luxels: int, triangles: int) -> tuple[int, float]:
-    """Bytes and seconds that a bake will take, roughly, on two cores: both grow linearly."""
-    memory = _BYTES_AT_LEAST + luxels * _BYTES_A_LUXEL + triangles * _BYTES_A_TRIANGLE
+def estimate(luxels: int, triangles: int, rays: int = _RAYS) -> tuple[int, float]:
+    """Bytes, and seconds on two cores, that a bake will take, roughly, if each luxel keeps what so many rays meet: both grow linearly."""
+    memory = _BYTES_AT_LEAST + luxels * (_BYTES_A_LUXEL + _BYTES_A_RAY * rays) + triangles * _BYTES_A_TRIANGLE
     return int(memory), _SECONDS_AT_LEAST + luxels * _SECONDS_A_LUXEL + triangles * _SECONDS_A_TRIANGLE
+
+
+def check_memory(luxels: float, triangles: int, rays: int, density: float | None = None) -> None:
+    """Refuse a bake of so many luxels that is not going to fit, before time is spent on it.
+
+    Args:
+        density: Texels per metre that give so many luxels, if known: then the message names one that fits.
+
+    Raises:
+        InputError: The machine has less memory left than `estimate` says.
+    """
+    free, wanted = free_bytes(), estimate(int(luxels), triangles, rays)[0]
+    if free is None or wanted <= free:
+        return
+    room = free - estimate(0, triangles, rays)[0]
+    fits = f"a density of {np.floor(100 * density * np.sqrt(room / (wanted - free + room))) / 100:g}" if density and room > 0 else "a lower density"
+    raise InputError(f"bake: {luxels:,.0f} luxels would take about {wanted / 1e9:.1f} GB, and {free / 1e9:.1f} GB are free: {fits} would do")
 
 
 def density_of(atlas: Atlas, geometry: Geometry, surface: Array) -> Density:

@@ -179,8 +179,10 @@ class Transport:
                 if int(kept["version"]) != _VERSION:
                     raise FileError(path, f"expected a transport of version {_VERSION}, got {int(kept['version'])}")
                 arrays = {field.name: kept[field.name] for field in fields(cls)}
-        except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
-            raise FileError(path, f"expected a kept transport ({error})") from error
+        except OSError as error:
+            raise FileError(path, f"cannot read the transport ({error.strerror or error})") from error
+        except (ValueError, KeyError, EOFError, BadZipFile) as error:
+            raise FileError(path, "expected a kept transport; the file is something else, or damaged") from error
         return cls(**arrays)
 
 

@@ -71,9 +71,7 @@ def unwrap(scene: Scene, density: float | Mapping[str, float] | None = None, pag
     width, height = (_whole(side, "page", 16, 1 << 14) for side in (page if isinstance(page, tuple) else (page, page)))
     gutter, threads = _whole(gutter, "gutter", 0, 64), checked_threads(threads)
     scene.check()
-    drawn = [i for i in scene.instances if len(scene.meshes[i.mesh].triangles)]
-    meshes = [scene.meshes[i.mesh] for i in drawn]
-    surfaces = [_in_world(mesh, instance) for mesh, instance in zip(meshes, drawn, strict=True)]
+    drawn, meshes, surfaces = _drawn(scene)
     each = densities(scene, meshes, surfaces, density)
     if reuse:
         atlas = own_coordinates(scene, drawn, meshes, surfaces, None if density is None else each, (width, height), threads)
@@ -86,6 +84,20 @@ def unwrap(scene: Scene, density: float | Mapping[str, float] | None = None, pag
     side = min(width, height)  # xatlas packs squares
     charted, pages = chart_surfaces(scaled, side, gutter, progress)
     return _assembled(scene, drawn, meshes, charted, pages, _page_size(charted, pages, side))
+
+
+def expected_luxels(scene: Scene, density: float | Mapping[str, float] | None) -> float:
+    """About how many luxels a scene will have at a density: its area in texels. Nothing is laid out for it."""
+    _, meshes, surfaces = _drawn(scene)
+    each = densities(scene, meshes, surfaces, density)
+    return sum(float(areas(s.positions, s.triangles).sum()) * d * d for s, d in zip(surfaces, each, strict=True))
+
+
+def _drawn(scene: Scene) -> tuple[list[Instance], list[Mesh], list[Surface]]:
+    """The instances that have a surface, with their meshes and what those are in the world."""
+    drawn = [i for i in scene.instances if len(scene.meshes[i.mesh].triangles)]
+    meshes = [scene.meshes[i.mesh] for i in drawn]
+    return drawn, meshes, [_in_world(mesh, instance) for mesh, instance in zip(meshes, drawn, strict=True)]
 
 
 def densities(scene: Scene, meshes: list[Mesh], surfaces: list[Surface], density: object) -> list[float]:

@@ -1,0 +1,62 @@
+"""Lamps: every light of a bake that has no surface, and whether anything shines at all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from luxel.arrays import Array
+from luxel.errors import InputError
+from luxel.radiosity.direct import light_table, shine, sky_table
+from luxel.radiosity.gather import Sight, View
+from luxel.radiosity.sky import shine_sky, split
+from luxel.radiosity.transport import Elements
+from luxel.scene.scene import Scene
+
+_SUN_DIRECTIONS = 2048  # all around: what is much brighter than the rest of the sky is put into these
+
+
+class Lamps(NamedTuple):
+    """A `light_table`, its first `own` rows the scene's lights and the others the sun; and an even sky, (h, w, 3) W/(m2 sr), or None."""
+
+    table: Array
+    own: int
+    sky: Array | None
+
+    def shine(self, view: View, elements: Elements, sight: Callable[[], Sight], rows: slice, sky: bool, threads: int) -> Array:
+        """(3, n) float32: irradiance of the elements from some of the lights, W/m2."""
+        received = shine(view.scene, elements, self.table[rows], view.reach, threads)
+        return received + shine_sky(view, sight().hits, self.sky, threads) if sky and self.sky is not None else received
+
+
+def lamps_of(scene: Scene, sky: Any) -> Lamps:
+    """The lights of a scene and a sky.
+
+    Args:
+        sky: Radiance, W/(m2 sr): a number, (3,), or an equirectangular (h, w, 3) picture; None: no sky.
+
+    Raises:
+        InputError: The sky is nothing of these, or neither they nor a material of the scene shine.
+    """
+    table, radiance = light_table(scene.lights), _radiance(sky)
+    if not radiance.any():
+        if not len(table) and not any(max(scene.materials[mesh.material].emissive) > 0 for mesh in scene.meshes if mesh.material >= 0):
+            raise InputError("bake: nothing shines: expected an emissive material, a light or a sky")
+        return Lamps(table, len(table), None)
+    even, sun = split(radiance)
+    suns = sky_table(sun, _SUN_DIRECTIONS) if (sun > 0).any() else table[:0]
+    return Lamps(np.concatenate([table, suns]), len(table), even)
+
+
+def _radiance(sky: Any) -> Array:
+    """(3,) or (h, w, 3)."""
+    if sky is None:
+        return np.zeros(3)
+    radiance = np.full(3, float(sky)) if np.ndim(sky) == 0 else np.asarray(sky)
+    if not (np.isfinite(radiance).all() and np.min(radiance) >= 0):
+        raise InputError("sky: expected finite radiance of at least 0")
+    if radiance.shape != (3,) and (radiance.ndim != 3 or radiance.shape[2] != 3 or not radiance.size):
+        raise InputError(f"sky: expected a number, (3,) or (h, w, 3), got {radiance.shape}")
+    return radiance
