@@ -176,7 +176,7 @@ def test_a_dry_run_looks_at_the_light_too(capsys, tmp_path):
 
 def test_a_disk_without_room_is_found_when_the_bake_begins(capsys, box, tmp_path, monkeypatch):
     monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=1_100_000))
-    said = error_of(capsys, box, "-o", tmp_path / "lit.glb", "--density", "120", "--page", "256", "--quality", "draft")
+    said = error_of(capsys, box, "--quiet", "-o", tmp_path / "lit.glb", "--density", "120", "--page", "256", "--quality", "draft")
     assert "MB will be needed, and the disk has 1 MB left" in said
     assert not (tmp_path / "lit.glb").exists()
 
