@@ -16,7 +16,6 @@ from luxel.arrays import Array, checked
 from luxel.radiosity.directions import sphere_directions
 from luxel.radiosity.element import GX, GY, GZ, NX, NY, NZ, PX, PY, PZ, UX, UY, UZ, VX, VY, VZ
 from luxel.radiosity.occlusion import Occlusion, occluded
-from luxel.radiosity.transport import Elements
 from luxel.scene.light import Light
 
 _CHUNK = 256
@@ -54,51 +53,57 @@ def _strength(light, dx, dy, dz, r2):
     return cone * cone * fade / r2
 
 
+@jit.part
+def shine_on(j, scene, numbers, table, at, reach, received):
+    """Add to received (3, n) what the lights of a `light_table` give to element `j`, by a ray to each from the points `at` (k, 2) of its sides."""
+    nx, ny, nz = np.float64(numbers[NX, j]), np.float64(numbers[NY, j]), np.float64(numbers[NZ, j])
+    gx, gy, gz = np.float64(numbers[GX, j]), np.float64(numbers[GY, j]), np.float64(numbers[GZ, j])
+    for k in range(len(table)):
+        light, sum_ = table[k], 0.0
+        for p in range(len(at)):
+            x = numbers[PX, j] + at[p, 0] * numbers[UX, j] + at[p, 1] * numbers[VX, j]
+            y = numbers[PY, j] + at[p, 0] * numbers[UY, j] + at[p, 1] * numbers[VY, j]
+            z = numbers[PZ, j] + at[p, 0] * numbers[UZ, j] + at[p, 1] * numbers[VZ, j]
+            if light[_FAR] != 0.0:
+                dx, dy, dz, length = -light[_DX], -light[_DY], -light[_DZ], reach
+            else:
+                dx, dy, dz = light[_X] - x, light[_Y] - y, light[_Z] - z
+                length = math.sqrt(dx * dx + dy * dy + dz * dz)
+                if length == 0.0:
+                    continue
+                dx, dy, dz = dx / length, dy / length, dz / length
+            cosine = nx * dx + ny * dy + nz * dz
+            if cosine > 0.0 and gx * dx + gy * dy + gz * dz > 0.0:
+                strength = cosine * _strength(light, dx, dy, dz, length * length)
+                if strength > 0.0 and not occluded(scene, x, y, z, x + dx * length, y + dy * length, z + dz * length, -1, -1):
+                    sum_ += strength
+        if sum_ > 0.0:
+            for channel in range(3):
+                received[channel, j] += np.float32(sum_ / len(at) * light[_RED + channel])
+
+
 @jit.parallel_kernel
-def _shine(queue, scene, numbers, table, first, last, at, reach, received):
-    scene, numbers, received = jit.borrow(scene), jit.borrow(numbers), jit.borrow(received)
-    n, points = numbers.shape[1], len(at)
+def _shine(queue, scene, numbers, table, at, reach, received):
+    scene, numbers, table, at, received = jit.borrow(scene), jit.borrow(numbers), jit.borrow(table), jit.borrow(at), jit.borrow(received)
+    n = numbers.shape[1]
     chunk = jit.take(queue)
     while chunk * _CHUNK < n:
         for j in range(chunk * _CHUNK, min(n, (chunk + 1) * _CHUNK)):
-            nx, ny, nz = np.float64(numbers[NX, j]), np.float64(numbers[NY, j]), np.float64(numbers[NZ, j])
-            gx, gy, gz = np.float64(numbers[GX, j]), np.float64(numbers[GY, j]), np.float64(numbers[GZ, j])
-            for k in range(first, last):
-                light, sum_ = table[k], 0.0
-                for p in range(points):
-                    x = numbers[PX, j] + at[p, 0] * numbers[UX, j] + at[p, 1] * numbers[VX, j]
-                    y = numbers[PY, j] + at[p, 0] * numbers[UY, j] + at[p, 1] * numbers[VY, j]
-                    z = numbers[PZ, j] + at[p, 0] * numbers[UZ, j] + at[p, 1] * numbers[VZ, j]
-                    if light[_FAR] != 0.0:
-                        dx, dy, dz, length = -light[_DX], -light[_DY], -light[_DZ], reach
-                    else:
-                        dx, dy, dz = light[_X] - x, light[_Y] - y, light[_Z] - z
-                        length = math.sqrt(dx * dx + dy * dy + dz * dz)
-                        if length == 0.0:
-                            continue
-                        dx, dy, dz = dx / length, dy / length, dz / length
-                    cosine = nx * dx + ny * dy + nz * dz
-                    if cosine > 0.0 and gx * dx + gy * dy + gz * dz > 0.0:
-                        strength = cosine * _strength(light, dx, dy, dz, length * length)
-                        if strength > 0.0 and not occluded(scene, x, y, z, x + dx * length, y + dy * length, z + dz * length, -1, -1):
-                            sum_ += strength
-                if sum_ > 0.0:
-                    for channel in range(3):
-                        received[channel, j] += np.float32(sum_ / points * light[_RED + channel])
+            shine_on(j, scene, numbers, table, at, reach, received)
         chunk = jit.take(queue)
 
 
-def shine(scene: Occlusion, elements: Elements, table: Array, reach: float, threads: int, points: int = 4) -> Array:
-    """(3, n) float32: the irradiance, W/m2, that lights of a `light_table` give.
+def shine(scene: Occlusion, numbers: Array, table: Array, reach: float, threads: int, points: int = 4) -> Array:
+    """(3, n) float32: the irradiance, W/m2, that lights of a `light_table` give to elements, of `Elements.numbers` (17, n).
 
     Args:
         reach: Metres from any element to beyond the scene.
         points: 1 or 4 of each element.
     """
     at = np.array(_AT if points == 4 else ((0.0, 0.0),))
-    received = np.zeros((3, elements.numbers.shape[1]), np.float32)
+    received = np.zeros((3, numbers.shape[1]), np.float32)
     if len(table):
-        jit.run(_shine, threads, scene, elements.numbers, table, 0, len(table), at, reach, received)
+        jit.run(_shine, threads, scene, numbers, table, at, reach, received)
     return received
 
 

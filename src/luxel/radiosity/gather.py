@@ -84,12 +84,25 @@ def _element_at(hit, back, x, y, z, lookup):
 
 
 @jit.part
-def _start(numbers, frame, direction, i, point, reach, r, c):
+def start_ray(numbers, frame, direction, i, point, reach, r, c):
     """Ray `r` of the packet starts at spot `point` of element `i`; it goes nowhere if the direction is below the surface."""
     c[OX + r], c[OY + r], c[OZ + r] = point_of(numbers, i, point, LIFT)
     dx, dy, dz = turned(frame, direction)
     c[DX + r], c[DY + r], c[DZ + r] = dx, dy, dz
     c[AT + r] = reach if numbers[GX, i] * dx + numbers[GY, i] * dy + numbers[GZ, i] * dz > np.float32(0.0) else np.float32(0.0)
+
+
+@jit.part
+def met_by(r, i, scene, numbers, lookup, c):
+    """What ray `r` of a traced packet, a ray of element `i`, has met: an element, or what there is in place of one."""
+    item, at = float_bits(c[FOUND + r]), c[AT + r]
+    met = np.int32(NOWHERE if at > np.float32(0.0) else BACK)  # below the surface it meets its own back
+    if item >= 0:
+        x, y, z = c[OX + r] + c[DX + r] * at, c[OY + r] + c[DY + r] * at, c[OZ + r] + c[DZ + r] * at
+        met = _element_at(scene.triangle[item], 1 if c[SLOPE + r] > np.float32(0.0) else 0, x, y, z, lookup)
+        if met == BACK and at * at < numbers[AREA, i]:
+            met = np.int32(LOST)
+    return met
 
 
 @jit.parallel_kernel
@@ -109,17 +122,10 @@ def _look(queue, scene, numbers, frames, directions, reach, lookup, first, hits)
         for number in range(rays):
             for r in range(np.uint64(WIDTH)):
                 k = min(start + np.int64(r), count - 1)  # the last packet is filled up with its last element's rays
-                _start(numbers, frames[k], directions[number], first + k, points[k - start, number % SPOTS], reach, r, c)
+                start_ray(numbers, frames[k], directions[number], first + k, points[k - start, number % SPOTS], reach, r, c)
             packet.meet_all(scene, c, stack)
             for r in range(np.uint64(width)):
-                item, at = float_bits(c[FOUND + r]), c[AT + r]
-                met = np.int32(NOWHERE if at > np.float32(0.0) else BACK)  # below the surface it meets its own back
-                if item >= 0:
-                    x, y, z = c[OX + r] + c[DX + r] * at, c[OY + r] + c[DY + r] * at, c[OZ + r] + c[DZ + r] * at
-                    met = _element_at(scene.triangle[item], 1 if c[SLOPE + r] > np.float32(0.0) else 0, x, y, z, lookup)
-                    if met == BACK and at * at < numbers[AREA, first + start + np.int64(r)]:
-                        met = np.int32(LOST)
-                hits[start + np.int64(r), number] = met
+                hits[start + np.int64(r), number] = met_by(r, first + start + np.int64(r), scene, numbers, lookup, c)
         chunk = jit.take(queue)
     own_c[0] = own_stack[0] + own_points[0, 0]  # they live until here
 
@@ -215,6 +221,16 @@ def _padded(light: Array) -> Array:
     return padded
 
 
+@jit.part
+def lost_and_gone(hits, k):
+    """How many rays of element `k` tell nothing, and how many meet nothing or a back."""
+    lost = gone = 0
+    for r in range(hits.shape[1]):
+        lost += hits[k, r] == LOST
+        gone += hits[k, r] == NOWHERE or hits[k, r] == BACK
+    return lost, gone
+
+
 @jit.parallel_kernel
 def _count(queue, hits, area, away):
     hits, area, away = jit.borrow(hits), jit.borrow(area), jit.borrow(away)
@@ -222,10 +238,7 @@ def _count(queue, hits, area, away):
     chunk = jit.take(queue)
     while chunk * _CHUNK < count:
         for k in range(chunk * _CHUNK, min(count, (chunk + 1) * _CHUNK)):
-            lost = gone = 0
-            for r in range(rays):
-                lost += hits[k, r] == LOST
-                gone += hits[k, r] == NOWHERE or hits[k, r] == BACK
+            lost, gone = lost_and_gone(hits, k)
             away[k] = np.float64(area[k]) * gone / max(rays - lost, 1)
         chunk = jit.take(queue)
 

@@ -32,16 +32,16 @@ RESOLUTIONS = (16, 32, 64, 128)
 
 _F, _I = np.float32, np.int32
 _CENTRE = 128  # of a pixel, in fixed point
-_GUARD = 8.0  # triangles are cut at this many half widths of a face
-_MOST = 9  # corners of a triangle cut by six planes
+GUARD = 8.0  # triangles are cut at this many half widths of a face
+MOST = 9  # corners of a triangle cut by six planes
 
 # Bits of a vertex: below the horizon, and on which side of the planes between faces it lies.
-_DOWN = 1
+DOWN = 1
 _X_OVER_Z, _X_UNDER_Z, _NX_OVER_Z, _NX_UNDER_Z, _Y_OVER_Z, _Y_UNDER_Z, _NY_OVER_Z, _NY_UNDER_Z = (1 << i for i in range(1, 9))
 _Y_OVER_X, _Y_UNDER_X, _Y_OVER_NX, _Y_UNDER_NX = (1 << i for i in range(9, 13))
 
 # A triangle whose corners share one of these bits is not on the face.
-_OUT = (
+OUT = (
     _X_OVER_Z | _NX_OVER_Z | _Y_OVER_Z | _NY_OVER_Z,
     _X_UNDER_Z | _Y_OVER_X | _Y_UNDER_NX,
     _NX_UNDER_Z | _Y_OVER_NX | _Y_UNDER_X,
@@ -73,21 +73,31 @@ def _bit(condition, bit):
     return _I(bit) if condition else _I(0)
 
 
+@jit.inlined
+def side_bits(vx, vy, vz, near):
+    """The bits of a vertex in the shooter's frame."""
+    code = _bit(vz <= near, DOWN) | _bit(vx > vz, _X_OVER_Z) | _bit(vx < vz, _X_UNDER_Z) | _bit(-vx > vz, _NX_OVER_Z)
+    code |= _bit(-vx < vz, _NX_UNDER_Z) | _bit(vy > vz, _Y_OVER_Z) | _bit(vy < vz, _Y_UNDER_Z) | _bit(-vy > vz, _NY_OVER_Z)
+    code |= _bit(-vy < vz, _NY_UNDER_Z) | _bit(vy > vx, _Y_OVER_X) | _bit(vy < vx, _Y_UNDER_X)
+    return code | _bit(vy > -vx, _Y_OVER_NX) | _bit(vy < -vx, _Y_UNDER_NX)
+
+
+@jit.inlined
+def in_frame(rows, x, y, z):
+    """A vector in the frame with these rows, nine numbers."""
+    r0, r1, r2, u0, u1, u2, n0, n1, n2 = rows
+    return r0 * x + r1 * y + r2 * z, u0 * x + u1 * y + u2 * z, n0 * x + n1 * y + n2 * z
+
+
 @jit.part
 def _look(first, last, positions, frame, center, x, y, z, codes, near):
     """Vertices first .. last - 1 in the shooter's frame, and where they lie."""
-    r00, r01, r02 = frame[0, 0], frame[0, 1], frame[0, 2]
-    r10, r11, r12 = frame[1, 0], frame[1, 1], frame[1, 2]
-    r20, r21, r22 = frame[2, 0], frame[2, 1], frame[2, 2]
+    rows = frame[0, 0], frame[0, 1], frame[0, 2], frame[1, 0], frame[1, 1], frame[1, 2], frame[2, 0], frame[2, 1], frame[2, 2]
     cx, cy, cz = center[0], center[1], center[2]
     for i in range(np.uint64(first), np.uint64(last)):
-        px, py, pz = positions[0, i] - cx, positions[1, i] - cy, positions[2, i] - cz
-        vx, vy, vz = r00 * px + r01 * py + r02 * pz, r10 * px + r11 * py + r12 * pz, r20 * px + r21 * py + r22 * pz
+        vx, vy, vz = in_frame(rows, positions[0, i] - cx, positions[1, i] - cy, positions[2, i] - cz)
         x[i], y[i], z[i] = vx, vy, vz
-        code = _bit(vz <= near, _DOWN) | _bit(vx > vz, _X_OVER_Z) | _bit(vx < vz, _X_UNDER_Z) | _bit(-vx > vz, _NX_OVER_Z)
-        code |= _bit(-vx < vz, _NX_UNDER_Z) | _bit(vy > vz, _Y_OVER_Z) | _bit(vy < vz, _Y_UNDER_Z) | _bit(-vy > vz, _NY_OVER_Z)
-        code |= _bit(-vy < vz, _NY_UNDER_Z) | _bit(vy > vx, _Y_OVER_X) | _bit(vy < vx, _Y_UNDER_X)
-        codes[i] = code | _bit(vy > -vx, _Y_OVER_NX) | _bit(vy < -vx, _Y_UNDER_NX)
+        codes[i] = side_bits(vx, vy, vz, near)
 
 
 @jit.part
@@ -97,14 +107,14 @@ def _sort(triangles, codes, lists, counts):
         counts[face] = 0
     for t in range(np.uint64(0), np.uint64(len(triangles))):
         shared = codes[np.uint64(triangles[t, 0])] & codes[np.uint64(triangles[t, 1])] & codes[np.uint64(triangles[t, 2])]
-        if shared & _DOWN == 0:
+        if shared & DOWN == 0:
             for face in range(FACES):
                 lists[face, np.uint64(counts[face])] = t
-                counts[face] += shared & _OUT[face] == 0
+                counts[face] += shared & OUT[face] == 0
 
 
 @jit.inlined
-def _turned(face, x, y, z):
+def turned(face, x, y, z):
     """Right, up and axis coordinates of a point on `face`."""
     if face == 0:
         return x, y, z
@@ -117,12 +127,25 @@ def _turned(face, x, y, z):
     return x, z, -y
 
 
+@jit.inlined
+def is_within(right, up, axis, near):
+    """Whether a corner is beyond the near plane and within the guard band of a face."""
+    limit = _F(GUARD)
+    return (axis > near) & (abs(right) <= limit * axis) & (abs(up) <= limit * axis)
+
+
+@jit.inlined
+def snapped(right, up, axis, half, near):
+    """Where a corner is on its face, in fixed point, and its depth."""
+    scale = _F(1.0) / axis
+    return _I(np.floor(right * scale * half + half + _F(0.5))), _I(np.floor(half - up * scale * half + _F(0.5))), near * scale
+
+
 @jit.part
 def _place(i, k, right, up, axis, half, near, c):
     """Corner `k` of entry `i` of the batch."""
-    scale = _F(1.0) / axis
-    px, py = _I(np.floor(right * scale * half + half + _F(0.5))), _I(np.floor(half - up * scale * half + _F(0.5)))
-    z = float_bits(near * scale)
+    px, py, depth = snapped(right, up, axis, half, near)
+    z = float_bits(depth)
     if k == 0:
         c[X0 + i], c[Y0 + i], c[Z0 + i] = px, py, z
     elif k == 1:
@@ -150,17 +173,14 @@ def _draw(n, c, resolution, high, depth, ids):
 def _draw_face(face, count, entries, triangles, x, y, z, resolution, near, guard, p, q, depth, ids, c):
     """Draw the listed triangles on one face."""
     half, high = _F(resolution * 128), resolution if face == 0 else resolution // 2
-    limit = _F(_GUARD)
     n = np.uint64(0)
     for e in range(np.uint64(0), np.uint64(count)):
         t = entries[e]
         v0, v1, v2 = np.uint64(triangles[np.uint64(t), 0]), np.uint64(triangles[np.uint64(t), 1]), np.uint64(triangles[np.uint64(t), 2])
-        ax, ay, az = _turned(face, x[v0], y[v0], z[v0])
-        bx, by, bz = _turned(face, x[v1], y[v1], z[v1])
-        dx, dy, dz = _turned(face, x[v2], y[v2], z[v2])
-        inside = (az > near) & (bz > near) & (dz > near)
-        inside &= (abs(ax) <= limit * az) & (abs(ay) <= limit * az) & (abs(bx) <= limit * bz) & (abs(by) <= limit * bz)
-        if inside & (abs(dx) <= limit * dz) & (abs(dy) <= limit * dz):
+        ax, ay, az = turned(face, x[v0], y[v0], z[v0])
+        bx, by, bz = turned(face, x[v1], y[v1], z[v1])
+        dx, dy, dz = turned(face, x[v2], y[v2], z[v2])
+        if is_within(ax, ay, az, near) & is_within(bx, by, bz, near) & is_within(dx, dy, dz, near):
             if n + np.uint64(1) > np.uint64(BATCH):
                 _draw(n, c, resolution, high, depth, ids)
                 n = np.uint64(0)
@@ -191,8 +211,8 @@ def _see(queue, positions, triangles, centers, frames, start, resolutions, near,
     vertices = positions.shape[1]
     own_xyz, own_codes = np.empty((3, vertices), np.float32), np.empty(vertices, np.int32)
     own_lists, own_counts = np.empty((FACES, len(triangles) + 1), np.int32), np.zeros(FACES, np.int64)
-    own_c, own_p, own_q = np.zeros(SIZE, np.int32), np.zeros((_MOST + 1, 7)), np.zeros((2 * _MOST, 7))
-    own_guard = np.array([-_GUARD, _GUARD, -_GUARD, _GUARD])
+    own_c, own_p, own_q = np.zeros(SIZE, np.int32), np.zeros((MOST + 1, 7)), np.zeros((2 * MOST, 7))
+    own_guard = np.array([-GUARD, GUARD, -GUARD, GUARD])
     xyz, codes, lists, counts = jit.borrow(own_xyz), jit.borrow(own_codes), jit.borrow(own_lists), jit.borrow(own_counts)
     c, p, q, guard = jit.borrow(own_c), jit.borrow(own_p), jit.borrow(own_q), jit.borrow(own_guard)
     positions, triangles, centers, frames = jit.borrow(positions), jit.borrow(triangles), jit.borrow(centers), jit.borrow(frames)

@@ -11,9 +11,10 @@ import numpy as np
 
 from luxel import jit
 from luxel.jit import bits_float
+from luxel.radiosity.batch import RAYS
 from luxel.radiosity.occlusion import mask_is_opaque
 
-WIDTH = 16
+WIDTH = RAYS
 """Rays of a packet."""
 
 _F, _I = np.float32, np.int32

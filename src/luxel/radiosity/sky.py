@@ -23,9 +23,10 @@ from luxel.radiosity.packet import AT, DX, DY, DZ, FOUND, OX, OY, OZ, WIDTH
 
 _BRIGHT = 8.0  # times the mean: beyond, a pixel's light is directional lights'
 _COARSE, _FINE = 16, 64  # rows of the pictures that cells, and parts of cells, are looked up in
-_TOGETHER = 16  # elements that tell each other what they see: a window too small for the rays of one is found by those of others
+TOGETHER = 16  # elements that tell each other what they see: a window too small for the rays of one is found by those of others
 _NO_SKY, _SKY, _EDGE = range(3)
-_PART = 4  # parts along a side of a cell: 16 rays are a packet
+_SIDE = 4  # parts along a side of a cell
+_PARTS = _SIDE * _SIDE
 
 
 def split(sky: Array) -> tuple[Array, Array]:
@@ -60,11 +61,11 @@ def _pixel(picture, dx, dy, dz):
 
 
 @jit.part
-def _cut(numbers, frame, i, a, b, wide, high, reach, local, c):
-    """Sixteen rays through the parts of a cell, as a packet."""
+def _cut(numbers, frame, i, a, b, part, wide, high, reach, local, c):
+    """A packet of rays through the parts of a cell, from `part` on."""
     for r in range(np.uint64(WIDTH)):
-        k = np.int64(r)
-        local[0], local[1], local[2] = on_hemisphere((a + (k % _PART + 0.5) / _PART) / wide, (b + (k // _PART + 0.5) / _PART) / high)
+        k = part + np.int64(r)
+        local[0], local[1], local[2] = on_hemisphere((a + (k % _SIDE + 0.5) / _SIDE) / wide, (b + (k // _SIDE + 0.5) / _SIDE) / high)
         dx, dy, dz = turned(frame, local)
         c[OX + r], c[OY + r], c[OZ + r] = point_of(numbers, i, SPOTS, LIFT)
         c[DX + r], c[DY + r], c[DZ + r] = dx, dy, dz
@@ -72,7 +73,7 @@ def _cut(numbers, frame, i, a, b, wide, high, reach, local, c):
 
 
 @jit.part
-def _classify(hits, cell, first, last, wide, high, seen, kind):
+def classify(hits, cell, first, last, wide, high, seen, kind):
     """Whether each cell of neighbouring elements is sky, no sky, or at an edge: where some of them, or some cells about it, disagree."""
     seen[:] = 0
     for i in range(first, last):
@@ -91,6 +92,32 @@ def _classify(hits, cell, first, last, wide, high, seen, kind):
     return some
 
 
+@jit.part
+def light_of(i, some, kind, scene, numbers, frame, reach, coarse, fine, local, c, stack):
+    """The light of the sky on element `i`, (red, green, blue) W/m2, through cells of each `kind` (wide, high), of which `some` are not dark."""
+    wide, high = kind.shape
+    red = green = blue = 0.0
+    for a in range(wide if some else 0):
+        for b in range(high):
+            if kind[a, b] == _SKY:
+                local[0], local[1], local[2] = on_hemisphere((a + 0.5) / wide, (b + 0.5) / high)
+                dx, dy, dz = turned(frame, local)
+                row, column = _pixel(coarse, dx, dy, dz)
+                red, green, blue = red + coarse[row, column, 0], green + coarse[row, column, 1], blue + coarse[row, column, 2]
+            elif kind[a, b] == _EDGE:
+                for part in range(0, _PARTS, WIDTH):
+                    _cut(numbers, frame, i, a, b, part, wide, high, reach, local, c)
+                    packet.meet_all(scene, c, stack)
+                    for r in range(np.uint64(WIDTH)):
+                        if float_bits(c[FOUND + r]) < 0 and c[AT + r] > np.float32(0.0):
+                            row, column = _pixel(fine, c[DX + r], c[DY + r], c[DZ + r])
+                            red += fine[row, column, 0] / _PARTS
+                            green += fine[row, column, 1] / _PARTS
+                            blue += fine[row, column, 2] / _PARTS
+    share = math.pi / (wide * high)
+    return red * share, green * share, blue * share
+
+
 @jit.parallel_kernel
 def _gather(queue, scene, numbers, frames, reach, hits, cell, wide, high, coarse, fine, result):
     own_c, own_stack = np.zeros(packet.SCRATCH, np.float32), np.zeros(packet.STACK, np.int32)
@@ -99,29 +126,12 @@ def _gather(queue, scene, numbers, frames, reach, hits, cell, wide, high, coarse
     scene, numbers, frames, hits, cell = jit.borrow(scene), jit.borrow(numbers), jit.borrow(frames), jit.borrow(hits), jit.borrow(cell)
     coarse, fine, result = jit.borrow(coarse), jit.borrow(fine), jit.borrow(result)
     chunk = jit.take(queue)
-    while chunk * _TOGETHER < len(hits):
-        first, last = chunk * _TOGETHER, min(len(hits), (chunk + 1) * _TOGETHER)
-        some = _classify(hits, cell, first, last, wide, high, seen, kind)
+    while chunk * TOGETHER < len(hits):
+        first, last = chunk * TOGETHER, min(len(hits), (chunk + 1) * TOGETHER)
+        some = classify(hits, cell, first, last, wide, high, seen, kind)
         for i in range(first, last):
-            red = green = blue = 0.0
-            for a in range(wide if some else 0):
-                for b in range(high):
-                    if kind[a, b] == _SKY:
-                        local[0], local[1], local[2] = on_hemisphere((a + 0.5) / wide, (b + 0.5) / high)
-                        dx, dy, dz = turned(frames[i], local)
-                        row, column = _pixel(coarse, dx, dy, dz)
-                        red, green, blue = red + coarse[row, column, 0], green + coarse[row, column, 1], blue + coarse[row, column, 2]
-                    elif kind[a, b] == _EDGE:
-                        _cut(numbers, frames[i], i, a, b, wide, high, reach, local, c)
-                        packet.meet_all(scene, c, stack)
-                        for r in range(np.uint64(WIDTH)):
-                            if float_bits(c[FOUND + r]) < 0 and c[AT + r] > np.float32(0.0):
-                                row, column = _pixel(fine, c[DX + r], c[DY + r], c[DZ + r])
-                                red += fine[row, column, 0] / WIDTH
-                                green += fine[row, column, 1] / WIDTH
-                                blue += fine[row, column, 2] / WIDTH
-            share = math.pi / (wide * high)
-            result[0, i], result[1, i], result[2, i] = red * share, green * share, blue * share
+            red, green, blue = light_of(i, some, kind, scene, numbers, frames[i], reach, coarse, fine, local, c, stack)
+            result[0, i], result[1, i], result[2, i] = red, green, blue
         chunk = jit.take(queue)
     own_c[0] = own_stack[0] + own_seen[0, 0] + own_kind[0, 0] + own_local[0]  # they live until here
 

@@ -21,6 +21,7 @@ import numpy as np
 from luxel import jit
 from luxel.arrays import Array
 from luxel.jit import bits_float, float_bits
+from luxel.radiosity.batch import ELEMENTS
 from luxel.radiosity.element import AREA, FREE, GX, LIFT, NX, NY, NZ, PX, PY, PZ, UX, VX, free_spot, point_of
 from luxel.radiosity.hemicube import FACES, ItemBuffers, delta_form_factors
 from luxel.radiosity.occlusion import Occlusion, occluded
@@ -28,7 +29,7 @@ from luxel.radiosity.patches import Tree
 from luxel.radiosity.transfer import polygon_factor
 
 BLOCK = 128
-"""Elements that a thread works on at a time."""
+"""Elements that a thread works on at a time; sums over rows are taken by so many."""
 
 _F, _I = np.float32, np.int32
 _PER_PI = _F(1 / np.pi)
@@ -36,7 +37,8 @@ _FAR = _F(16.0)  # squared distance over squared radius beyond which a node is t
 _FLAT = _F(9.0)  # squared distance over area within which an element is a parallelogram
 _FLUSH = _F(1e-8)  # squared sine over a shooter's plane within which a receiver lies in it, but for rounding
 _BIAS = _F(1.0 - 1e-3)  # of a distance: rounding, and pixels' corners snapped
-_DEEPEST = 64
+DEEPEST = 64
+MEETS, OUT, BACK = range(3)
 
 
 class Elements(NamedTuple):
@@ -113,7 +115,7 @@ def elements_of(numbers: Array) -> Elements:
 
 
 @jit.inlined
-def _all_averted(bounds, center, frame):
+def all_averted(bounds, center, frame):
     """Whether no element of a block can be in front of the shooter and face it."""
     x, y, z, radius = bounds[0] - center[0], bounds[1] - center[1], bounds[2] - center[2], bounds[3]
     if frame[2, 0] * x + frame[2, 1] * y + frame[2, 2] * z < -radius:
@@ -185,20 +187,20 @@ def node_factor(root, x, y, z, nx, ny, nz, span, child, place, source, stack, co
     return total
 
 
-# Scratch of a thread, rows of BLOCK numbers in one array, so that the compiler knows that they do not overlap and uses vector registers.
+# Scratch of a thread, rows of ELEMENTS numbers in one array, so that the compiler knows that they do not overlap and uses vector registers.
 # Of each element: place, shading normal, surface normal, as in `Elements.numbers`.
 # Of each element under one shooter: squared distance; form factor if far; 1 if it faces the shooter and is in front of it (int32);
-_R2, _FACTOR, _FACES = (np.uint64(BLOCK * row) for row in range(9, 12))
+_R2, _FACTOR, _FACES = (np.uint64(ELEMENTS * row) for row in range(9, 12))
 # the upper left of the four pixels about it (int32) and how far between them it lies; the depth up to which these see it: at that pixel, what it
 # gains to the right and downwards, and its least.
-_AT, _WX, _WY, _LIMIT, _LIMIT_X, _LIMIT_Y, _LEAST = (np.uint64(BLOCK * row) for row in range(12, 19))
-_SCRATCH = 19 * BLOCK
-_ROW = tuple(np.uint64(BLOCK * row) for row in range(9))
+_AT, _WX, _WY, _LIMIT, _LIMIT_X, _LIMIT_Y, _LEAST = (np.uint64(ELEMENTS * row) for row in range(12, 19))
+SCRATCH = 19 * ELEMENTS
+_ROW = tuple(np.uint64(ELEMENTS * row) for row in range(9))
 _X, _Y, _Z, _NX, _NY, _NZ, _GX, _GY, _GZ = _ROW
 
 
 @jit.part
-def _aim(count, center, frame, place, resolution, near, c):
+def aim(count, center, frame, place, resolution, near, c):
     """Put `count` elements under a shooter: fill the scratch."""
     r0, r1, r2, u0, u1, u2, n0, n1, n2 = (
         frame[0, 0], frame[0, 1], frame[0, 2], frame[1, 0], frame[1, 1], frame[1, 2], frame[2, 0], frame[2, 1], frame[2, 2],
@@ -296,58 +298,75 @@ def _may_meet(box, center, x, y, z):
     return meets & (max(center[2], z) >= box[2]) & (min(center[2], z) <= box[5])
 
 
+@jit.inlined
+def share_of(i, j, at, node, resolution, center, near, c, tree, source, seen, masked, scene, rays, always, numbers, stack, corners):
+    """The entry in the row of a shooter, `node` of its tree, for element `j`, which is number `i` in the scratch and in front of it; its four
+    pixels begin at `at`. `tree` are span, child and place, `seen` the depth and ids of hemicubes, and the planes of what is drawn there."""
+    span, child, place = tree
+    depth, ids, planes = seen
+    v = _seen_fraction(i, at, resolution, center, near, c, depth, ids, planes)
+    if rays > 0 and (always or _F(0.0) < v < _F(1.0)):
+        v = _ray_fraction(scene, rays, span[node], source, numbers, j)
+    if v == _F(0.0):
+        return np.uint16(0)
+    x, y, z = c[_X + i], c[_Y + i], c[_Z + i]
+    if len(masked.link) > 0 and not always and _may_meet(masked.box[0], center, x, y, z) and _hidden(masked, center, x, y, z):
+        return np.uint16(0)
+    f = c[_FACTOR + i]
+    if c[_R2 + i] < _FAR * place[node, 3] * place[node, 3]:
+        f = node_factor(node, x, y, z, c[_NX + i], c[_NY + i], c[_NZ + i], span, child, place, source, stack, corners)
+    return np.uint16((np.uint32(float_bits(f * v)) + np.uint32(0x8000)) >> np.uint32(16))
+
+
 @jit.parallel_kernel
 def _fill_rows(queue, numbers, bounds, span, child, place, source, nodes, centers, frames, start, resolutions, depth, ids, near,
                planes, masked, scene, rays, always, slots, rows, sums):  # fmt: skip
     n = numbers.shape[1]
     blocks = (n + BLOCK - 1) // BLOCK
-    own_c, own_list = np.zeros(_SCRATCH, np.float32), np.empty(BLOCK + 1, np.uint64)
-    own_stack, own_corners = np.empty(_DEEPEST, np.int32), np.empty((4, 3))
+    own_c, own_list = np.zeros(SCRATCH, np.float32), np.empty(BLOCK + 1, np.uint64)
+    own_stack, own_corners = np.empty(DEEPEST, np.int32), np.empty((4, 3))
     c, listed, stack, corners = jit.borrow(own_c), jit.borrow(own_list), jit.borrow(own_stack), jit.borrow(own_corners)
     numbers, bounds, span, child, place = jit.borrow(numbers), jit.borrow(bounds), jit.borrow(span), jit.borrow(child), jit.borrow(place)
     source, depth, ids, planes, rows = jit.borrow(source), jit.borrow(depth), jit.borrow(ids), jit.borrow(planes), jit.borrow(rows)
     centers, frames, masked, scene = jit.borrow(centers), jit.borrow(frames), jit.borrow(masked), jit.borrow(scene)
-    any_masked = len(masked.link) > 0
+    tree, seen = (span, child, place), (depth, ids, planes)
     block = jit.take(queue)
     while block < blocks:
         first = block * BLOCK
         count = min(BLOCK, n - first)
         for k in range(9):
             for i in range(count):
-                c[k * BLOCK + i] = numbers[k, first + i]
+                c[k * ELEMENTS + i] = numbers[k, first + i]
         for s in range(len(nodes)):
             node, row, center, resolution, total = nodes[s], rows[slots[s]], centers[s], resolutions[s], 0.0
             for i in range(first, first + count):
                 row[i] = 0
-            if _all_averted(bounds[block], center, frames[s]):
+            if all_averted(bounds[block], center, frames[s]):
                 sums[s, block] = 0.0
                 continue
-            _aim(count, center, frames[s], place[node], resolution, near, c)
+            aim(count, center, frames[s], place[node], resolution, near, c)
             found = np.uint64(0)
             for i in range(np.uint64(0), np.uint64(count)):
                 listed[found] = i
                 found += np.uint64(float_bits(c[_FACES + i]))
-            near2 = _FAR * place[node, 3] * place[node, 3]
             for k in range(np.uint64(0), found):
                 i = listed[k]
                 at = np.uint64(start[s]) + np.uint64(float_bits(c[_AT + i]))
-                v = _seen_fraction(i, at, resolution, center, near, c, depth, ids, planes)
-                if rays > 0 and (always or _F(0.0) < v < _F(1.0)):
-                    v = _ray_fraction(scene, rays, span[node], source, numbers, np.uint64(first) + i)
-                if v == _F(0.0):
-                    continue
-                x, y, z = c[_X + i], c[_Y + i], c[_Z + i]
-                if any_masked and not always and _may_meet(masked.box[0], center, x, y, z) and _hidden(masked, center, x, y, z):
-                    continue
-                f = c[_FACTOR + i]
-                if c[_R2 + i] < near2:
-                    f = node_factor(node, x, y, z, c[_NX + i], c[_NY + i], c[_NZ + i], span, child, place, source, stack, corners)
-                half = np.uint16((np.uint32(float_bits(f * v)) + np.uint32(0x8000)) >> np.uint32(16))
-                row[np.uint64(first) + i] = half
-                total += np.float64(decoded(half)) * np.float64(numbers[AREA, np.uint64(first) + i])
+                j = np.uint64(first) + i
+                half = share_of(i, j, at, node, resolution, center, near, c, tree, source, seen, masked, scene, rays, always, numbers, stack, corners)
+                row[j] = half
+                total += np.float64(decoded(half)) * np.float64(numbers[AREA, j])
             sums[s, block] = total
         block = jit.take(queue)
     own_c[0] = own_list[0] + own_stack[0] + own_corners[0, 0]  # they live until here
+
+
+@jit.inlined
+def fate(t, x, y, z, planes, two_sided):
+    """What becomes of light through a pixel that shows triangle `t`: it `MEETS` a front or what has two, goes `OUT`, or meets a `BACK`."""
+    if t < 0:
+        return OUT
+    return BACK if not two_sided[t] and planes[t, 0] * x + planes[t, 1] * y + planes[t, 2] * z < planes[t, 3] else MEETS
 
 
 @jit.parallel_kernel
@@ -359,11 +378,11 @@ def _escape(queue, centers, start, resolutions, ids, planes, two_sided, deltas, 
         size = FACES * resolutions[s] * resolutions[s]
         out = back = 0.0
         for i in range(size):
-            t = ids[start[s] + i]
+            what = fate(ids[start[s] + i], x, y, z, planes, two_sided)
             share = deltas[first_delta[s] + i]
-            if t < 0:
+            if what == OUT:
                 out += share
-            elif not two_sided[t] and planes[t, 0] * x + planes[t, 1] * y + planes[t, 2] * z < planes[t, 3]:
+            elif what == BACK:
                 back += share
         escaped[s, 0], escaped[s, 1] = out, back
         s = jit.take(queue)
@@ -393,7 +412,7 @@ def _receive(queue, rows, touched, slots, powers, received):
 
 
 def fill_rows(elements: Elements, tree: Tree, source: Array, shooters: Shooters, seen: ItemBuffers, occluders: Occluders, rays: Visibility,
-              slots: Array, rows: Array, threads: int) -> tuple[Array, Array]:  # fmt: skip
+              slots: Array, rows: Array, threads: int) -> Array:  # fmt: skip
     """Compute the rows of s shooters.
 
     Args:
@@ -403,8 +422,7 @@ def fill_rows(elements: Elements, tree: Tree, source: Array, shooters: Shooters,
         rows: (slots, n) uint16, written.
 
     Returns:
-        (s, blocks) float64: sums over the row, by blocks, of area times K: in all the shooter's area, if nothing escapes; and (s, 2) float64: the
-        shares of the hemicube that meet nothing and the backs of one-sided surfaces.
+        (s, blocks) float64: sums over the row, by blocks, of area times K: in all the shooter's area, if nothing escapes.
     """
     count, n = len(shooters.node), elements.numbers.shape[1]
     sums = np.empty((count, -(-n // BLOCK)))
@@ -413,16 +431,21 @@ def fill_rows(elements: Elements, tree: Tree, source: Array, shooters: Shooters,
         seen.resolution, seen.depth, seen.ids, np.float32(seen.near), occluders.planes, occluders.masked,
         *rays, slots, rows, sums,
     )  # fmt: skip
+    return sums
+
+
+def escapes(centers: Array, seen: ItemBuffers, occluders: Occluders, threads: int) -> Array:
+    """(s, 2) float64: the shares of hemicubes that meet nothing and the backs of one-sided surfaces, of s shooters at centers (s, 3)."""
     sizes = sorted(set(seen.resolution.tolist()))
     deltas = [delta_form_factors(size).ravel() for size in sizes]
     begin = dict(zip(sizes, np.cumsum([0] + [len(d) for d in deltas]).tolist(), strict=False))
-    escaped = np.empty((count, 2))
+    escaped = np.empty((len(centers), 2))
     jit.run(
-        _escape, threads, shooters.centers, seen.start, seen.resolution, seen.ids, occluders.planes, occluders.two_sided,
+        _escape, threads, centers, seen.start, seen.resolution, seen.ids, occluders.planes, occluders.two_sided,
         np.concatenate(deltas),
         np.array([begin[size] for size in seen.resolution.tolist()], np.int64), escaped,
     )  # fmt: skip
-    return sums, escaped
+    return escaped
 
 
 def receive(rows: Array, touched: Array, slots: Array, powers: Array, received: Array, threads: int) -> None:
