@@ -183,8 +183,8 @@ def test_the_report_is_whole(quick):
     assert set(tables) == {"spans", "areas", "utilisation", "idle", "help", "setup", "resources", "errors", "halving", "attributes", "balance",
                            "balance-four", "balance-all", "cpu", "claims"}  # fmt: skip
     text = (folder / "README.md").read_text()
-    pictures = {"spans", "area-speed-up", "area-utilisation", "cost", "errors-largest", "errors-rms", "order", "wave", "thin", "midlines", "seam",
-                "phong", "balance-regular", "balance-delaunay", "balance-random", "cpu"}  # fmt: skip
+    pictures = {"spans", "area-speed-up", "area-utilisation", "cost", "errors-largest", "errors-rms", "order", "rows", "wave", "thin", "midlines",
+                "seam", "phong", "balance-regular", "balance-delaunay", "balance-random", "cpu"}  # fmt: skip
     assert {path.stem for path in folder.glob("*.png")} == pictures
     for name in pictures:
         assert (folder / f"{name}.png").stat().st_size > 5000
@@ -239,3 +239,14 @@ def test_schemes_fill_what_is_shown():
     assert sheet.shape == (6, 10)
     assert places == [(0, 0), (5, 0)]
     assert np.nansum(sheet) == 12
+
+
+def test_the_order_in_a_row():
+    from luxel.studies.shading import pictures
+
+    what = span(8)
+    times = {scheme.name: pictures.within_row(fill(what, scheme))[0, :8] for scheme in pictures.IN_ROWS}
+    assert np.allclose(times["classical"], np.arange(8) / 7)
+    assert np.allclose(times["counter"], np.array([0, 1, 2, 3, 3, 2, 1, 0]) / 3)
+    assert np.allclose(times["interleaved 2"], np.arange(8) // 2 / 3)
+    assert np.allclose(times["interleaved 4"], np.arange(8) // 4)

@@ -162,9 +162,10 @@ def families(context: Context, report: Report) -> None:
     note = "Units of 2^-16, as above. `searched` are triangles made so that every rounding of beta is near its worst, and all go one way."
     report.table("errors", "Errors by kind of triangle", rows, note)
     note = "Share of fragments whose larger relative error, of beta or gamma, is above x. Where a curve would reach the bound, there is nothing."
-    with report.figure("errors", "How often weights are how wrong", note) as axes:
+    with report.figure("errors", "How often weights are how wrong", note, (9.0, 4.2)) as axes:
         for name, values in weights.items():
-            axes.plot(np.sort(values), 1 - np.arange(len(values)) / len(values), label=name)
+            style = "-." if name == "huge" else "-"  # as wrong as anywhere, which is to be seen too
+            axes.plot(np.sort(values), 1 - np.arange(len(values)) / len(values), style, label=name)
         both = measure(FAMILIES["anywhere"](rng, _count(context)), PAPER).weight
         axes.plot(np.sort(both), 1 - np.arange(len(both)) / len(both), "--", label="anywhere, float24 throughout")
         axes.axvline(float(bounds(LUXEL).weight) / UNIT, color="k", linewidth=1)

@@ -101,6 +101,7 @@ def bits_and_error(context: Context, report: Report) -> None:
             rows += [{"segments m": m, "source": HERE, "table bits": bits, "largest error, ulp": _cut(error)} for bits, error in front]
         axes.plot(SMALL.bits, np.abs(table(SMALL).errors()).max(), "k*", markersize=12, label="taken")
         axes.set_xscale("log", base=2)
+        axes.set_ylim(0.45, 1.02)  # below the lines there is room for the legend
         axes.set_xlabel("bits")
         axes.set_ylabel("largest error, units in the last place")
     report.table("table_bits", "What longer words buy", rows)

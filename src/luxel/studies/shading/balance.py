@@ -169,7 +169,7 @@ def _by_units(rows: list[Row]) -> list[Row]:
     for row in rows:
         cells = found.setdefault((row["triangulation"], row["triangles"]), {k: row[k] for k in ("triangulation", "triangles", "pixels a triangle",
                                                                                                "largest / mean")})  # fmt: skip
-        cells[f"{row['units']} units"] = row["pixels a step"]
+        cells[f"{row['units']} unit{'s' * (row['units'] > 1)}"] = row["pixels a step"]
     return list(found.values())
 
 

@@ -17,6 +17,7 @@ from luxel.studies.shading.shapes import glossy_triangle
 from luxel.studies.study import Context
 
 Row = dict[str, Any]
+IN_ROWS = (CLASSICAL, COUNTERED, INTERLEAVES[0], INTERLEAVES[2])
 SHOWN = (CLASSICAL, COUNTERED, INTERLEAVES[0], INTERLEAVES[2], WAVE, VARIANTS[2], MIDLINES, VARIANTS[3])
 _GREY = 255 << VALUE_BITS
 
@@ -66,6 +67,7 @@ def run(context: Context, report: Report, facts: Row) -> None:
     labels = [f"{scheme.name}: {f.steps} steps" for scheme, f in zip(SHOWN, filled, strict=True)]
     note = "Dark first, light last, each in its own time. `wave` draws its border first; midlines fill four at once, and then what their copies left."
     draw(report, "order", "The order in which each scheme fills", [when(f) / f.steps for f in filled], labels, note, cmap="viridis", vmin=0, vmax=1)
+    _rows(report)
     _waves(report, what)
     _thin(report, thin)
     copies = fill(what, MIDLINES)
@@ -84,6 +86,23 @@ def _who(filled: Filled) -> Array:
     return np.where(np.isin(filled.step, last) & (filled.writes > 0), 19, drawn)
 
 
+def within_row(filled: Filled) -> Array:
+    """(h, w) float64: how far each row was, from 0 to 1, when a pixel was written; NaN where none was."""
+    begun = np.where(filled.writes > 0, filled.step, np.iinfo(np.int32).max).min(1, keepdims=True)
+    took = np.maximum(filled.step.max(1, keepdims=True) - begun, 1)
+    return np.where(filled.writes > 0, (filled.step - begun) / took, np.nan)
+
+
+def _rows(report: Report) -> None:
+    """What the order of the whole triangle does not show: in which order, and by whom, each row is written."""
+    what = shown_triangle(24)
+    filled = [fill(what, scheme) for scheme in IN_ROWS]
+    units = [np.where(f.writes > 0, f.unit / max(f.units - 1, 1), np.nan) for f in filled]
+    labels = [*(f"{scheme.name}: when" for scheme in IN_ROWS), *(f"{scheme.name}: by whom" for scheme in IN_ROWS)]
+    note = "When: dark first, light last, each row in its own time. By whom: a colour for each interpolator."
+    draw(report, "rows", "The order in each row", [*map(within_row, filled), *units], labels, note, cmap="viridis", vmin=0, vmax=1)
+
+
 def _waves(report: Report, what: Triangle) -> None:
     filled = fill(what, VARIANTS[2])
     covered, first = filled.writes > 0, int(filled.step[filled.writes > 0].min())
@@ -99,10 +118,10 @@ def _thin(report: Report, thin: Triangle) -> None:
     for label, scheme in cases.items():
         filled = fill(thin, scheme, source=PLANE)
         missed = thin.covered.mask & (filled.writes == 0)
-        images.append(np.where(missed, -20.0, when(filled)))
+        images.append(np.where(missed, -0.4, when(filled) / filled.steps))
         labels.append(f"{label}: {int(missed.sum())} missed")
-    note = f"{thin.covered.pixels} pixels, which are not 4-connected. Dark: missed."
-    draw(report, "thin", "The wave in a triangle two pixels wide", images, labels, note, 2, cmap="inferno")
+    note = f"{thin.covered.pixels} pixels, which are not 4-connected. Black: missed."
+    draw(report, "thin", "The wave in a triangle two pixels wide", images, labels, note, 2, cmap="inferno", vmin=-0.4, vmax=1)
 
 
 def _seam(report: Report) -> None:

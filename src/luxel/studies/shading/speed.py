@@ -27,6 +27,7 @@ from luxel.studies.shading.shapes import SHAPES, random_triangle, span
 from luxel.studies.study import Context
 
 Row = dict[str, Any]
+_ON_LINES = {"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.8}
 SPAN_SCHEMES = (CLASSICAL, COUNTERED, *INTERLEAVES)
 _MACHINES = {
     "4 steps a row": (Machine(), ENDS),
@@ -224,7 +225,7 @@ def _area_figures(report: Report, rows: list[Row]) -> None:
 
 
 def _cost_figure(report: Report, rows: list[Row], area: int) -> None:
-    note = "Dashed: as much faster as it is larger."
+    note = "Dashed: as much faster as it is larger. Orange: other readings and combinations than the paper's."
     with report.figure("cost", f"Speed against adders, triangles of {area:,} pixels, RGB", note, (8.0, 4.6)) as axes:
         base = next(row for row in rows if row["scheme"] == "classical")
         most = max(row["adders, RGB"] for row in rows)
@@ -233,9 +234,9 @@ def _cost_figure(report: Report, rows: list[Row], area: int) -> None:
             place = row["adders, RGB"], row["speed-up"]
             if "own strides" in row["scheme"]:  # the same place as with added ones
                 continue
-            below = row["scheme"] in ("interleaved 2", "interleaved 3", "EC-DDA")
+            offset = {"interleaved 2": (5, -9), "interleaved 3": (5, -9), "EC-DDA": (5, -9), "classical": (-12, 7)}.get(row["scheme"], (5, 3))
             axes.plot(*place, "o", color="C0" if row["scheme"] in {s.name for s in SCHEMES} else "C1")
-            axes.annotate(row["scheme"], place, xytext=(5, -9 if below else 3), textcoords="offset points", fontsize=7)
+            axes.annotate(row["scheme"], place, xytext=offset, textcoords="offset points", fontsize=7, bbox=_ON_LINES)
         plain_ticks(axes, "x", [2**k for k in range(3, 11) if 2**k < 2 * most])
         plain_ticks(axes, "y", [1, 2, 4, 8, 16])
         axes.set_xlim(base["adders, RGB"] / 1.3, most * 1.8)
