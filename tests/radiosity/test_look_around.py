@@ -10,11 +10,13 @@ from luxel.radiosity import packet
 from luxel.radiosity.bake import bake
 from luxel.radiosity.directions import _on_hemisphere, cosine_directions
 from luxel.radiosity.element import FREE
-from luxel.radiosity.gather import LOST, NOWHERE, Sight, exchange_of, gather, pass_on
+from luxel.radiosity.gather import LOST, NOWHERE, Sight, exchange_of, gather
 from luxel.radiosity.hemicube import frames_of
+from luxel.radiosity.labour import Labour
 from luxel.radiosity.nearest import nearest
 from luxel.radiosity.occlusion import Masks, prepare
 from luxel.radiosity.sky import cells, split
+from luxel.radiosity.solve import pass_on
 from luxel.radiosity.transfer import polygon_factor
 
 
@@ -111,7 +113,7 @@ def test_light_passed_on_in_a_closed_scene_is_received():
     hits = rng.integers(0, 50, (50, 64)).astype(np.int32)
     hits[rng.random(hits.shape) < 0.02] = LOST
     area, light = rng.random(50).astype(np.float32), rng.random((50, 3)).astype(np.float32)
-    got, away = pass_on(Sight(hits, np.zeros(50)), light, area, 1)
+    got, away = pass_on(Sight(hits, np.zeros(50)), light, area, Labour(1))
     np.testing.assert_allclose(got.astype(np.float64) @ area, light.T.astype(np.float64) @ area, rtol=1e-6)
     assert not away.any()
     bare = gather(hits, light, 2)

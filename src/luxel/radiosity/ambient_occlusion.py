@@ -11,8 +11,8 @@ from luxel.arrays import Array
 from luxel.errors import InputError
 from luxel.radiosity.direct import shine, sky_table
 from luxel.radiosity.elements import frames_of_texels
+from luxel.radiosity.labour import Labour
 from luxel.radiosity.rays import Occluders
-from luxel.radiosity.transport import elements_of
 from luxel.raster.geometry import flatten
 
 if TYPE_CHECKING:
@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from luxel.radiosity.unwrap import Atlas
 
 
-def ambient_occlusion(atlas: Atlas, luxels: Luxels, distance: float, directions: int = 512, threads: int | None = None) -> Array:
+def ambient_occlusion(atlas: Atlas, luxels: Luxels, distance: float, directions: int = 512, threads: int | None = None,
+                      labour: Labour | None = None) -> Array:  # fmt: skip
     """The share of a uniform sky's irradiance that reaches each luxel (Zhukov, Iones and Kronin 1998, "An ambient light illumination model").
 
     Args:
@@ -28,6 +29,7 @@ def ambient_occlusion(atlas: Atlas, luxels: Luxels, distance: float, directions:
         distance: Metres beyond which nothing hides the sky.
         directions: Over the whole sphere, the same for all luxels.
         threads: None: all cores this process may use. The result does not depend on it.
+        labour: Who does the work, in place of so many threads.
 
     Returns:
         (n,) float32, 0 (dark) to 1.
@@ -39,7 +41,9 @@ def ambient_occlusion(atlas: Atlas, luxels: Luxels, distance: float, directions:
         raise InputError(f"distance of ambient occlusion: expected metres above 0, got {distance!r}")
     u, v = frames_of_texels(atlas, flatten(atlas.scene, "none"), luxels)
     columns = (luxels.position, luxels.normal, luxels.face_normal, luxels.area[:, None], u, v)
-    elements = elements_of(np.ascontiguousarray(np.concatenate(columns, 1, dtype=np.float32).T))
+    numbers = np.ascontiguousarray(np.concatenate(columns, 1, dtype=np.float32).T)
     rays = Occluders.of_scene(atlas.scene).occlusion
     sky = sky_table(np.ones(3), directions)
-    return np.clip(shine(rays, elements, sky, distance, jit.checked_threads(threads))[0] / np.float32(np.pi), 0, 1)
+    labour = labour or Labour(jit.checked_threads(threads))
+    received = labour.each(len(luxels.area), lambda some: shine(rays, numbers[:, some], sky, distance, labour.threads)[0])
+    return np.clip(received / np.float32(np.pi), 0, 1)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from functools import cache, cached_property
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -25,8 +25,9 @@ from luxel.radiosity import checkpoint as saving
 from luxel.radiosity import lightmap
 from luxel.radiosity.diagnosis import check_memory
 from luxel.radiosity.elements import QUALITIES, Cut, Quality, cut, frames_of_texels
-from luxel.radiosity.gather import Lookup, Sight, View, element_pages, see_around, texel_maps
+from luxel.radiosity.gather import Lookup, Sight, View, element_pages, texel_maps
 from luxel.radiosity.inside import free_places, seen_backs
+from luxel.radiosity.labour import Labour
 from luxel.radiosity.lamps import Lamps, lamps_of
 from luxel.radiosity.luxels import Luxels, find_luxels, part_of
 from luxel.radiosity.occlusion import Occlusion, prepare
@@ -39,6 +40,9 @@ from luxel.raster.bin import BLEND
 from luxel.raster.geometry import Geometry, flatten
 from luxel.scene.material import Material
 from luxel.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from luxel.cluster.comm import Comm
 
 _ROW_BYTES = 1 << 30
 """Rows of transport are kept up to this."""
@@ -115,10 +119,10 @@ class _Prepared:
 
     @cached_property
     def view(self) -> View:
-        """Where its elements look."""
+        """Where this process's elements look."""
         pages = element_pages(self.luxels, self.cut.luxel, self.cut.back)
         lookup = Lookup(texel_maps(self.geometry, self.atlas.size), triangle_pages(self.atlas, self.geometry), self.two_sided, pages)
-        return View(self.rays, self.cut.problem.elements.numbers, lookup, self.reach)
+        return View(self.rays, self.cut.problem.own.numbers, lookup, self.reach)
 
 
 @dataclass
@@ -154,10 +158,13 @@ class Progress:
 def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None = None, page: int = 1024, sky: Any = None,
          tolerance: float | None = None, seconds: float | None = None, threads: int | None = None,
          progress: Callable[[float, Progress], None] | None = None, checkpoint: str | Path | None = None, resume: bool = False,
-         transport: bool = False, layers: bool = False) -> Baked:  # fmt: skip
+         transport: bool = False, layers: bool = False, comm: Comm | None = None) -> Baked:  # fmt: skip
     """Light a scene: diffuse light between all its surfaces, as a lightmap.
 
     What shines: emissive materials (their radiance), point, spot and directional lights, and the sky.
+
+    Ranks of MPI share the work if all of them call this, with the same arguments, inside of `comm.guard()`. Rank 0 reads the scene, tells of progress
+    and keeps the checkpoint; the result is on all of them, but for transport and layers, which are on rank 0.
 
     Args:
         scene: A Scene, or anything `luxel.load` takes.
@@ -167,12 +174,13 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
         sky: Radiance, W/(m2 sr): a number, (3,), or an equirectangular (h, w, 3) picture; None: no sky.
         tolerance: Share of the emitted light that may stay unshot; it is spread evenly. None: the quality's.
         seconds: Stop shooting after so long, whatever is unshot.
-        threads: None: all cores this process may use. The result does not depend on it.
+        threads: None: all cores this process may use, or a rank's part of them. The result does not depend on it.
         progress: Called after each batch of shots with the unshot share and a `Progress`.
         checkpoint: A file that keeps the state, every half minute and when the bake is interrupted.
         resume: Go on from `checkpoint` if it is there.
         transport: Also keep the transport, to light the scene anew (`Transport`): four bytes for each ray of a luxel, two for each light.
         layers: Also the light of each lamp by itself, and of the sky.
+        comm: `luxel.cluster.comm.world()`, or some of its ranks. The result does not depend on it.
 
     Raises:
         InputError: Nothing shines, there is no surface, or a value cannot be worked with; the checkpoint is of another bake; so many luxels do
@@ -180,18 +188,17 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
         ExtraMissingError: The scene needs texture coordinates and xatlas is not installed.
     """
     settings = _quality(quality, tolerance)
-    threads = jit.checked_threads(threads)
+    labour = _labour(threads, comm)
+    progress = progress if labour.team.leads else None
     clock = Clock()
-    scene = _loaded(scene)
-    clock.lap("load")
-    lamps = lamps_of(scene, sky)
+    lamps, atlas = labour.once(lambda: _laid_out(scene, sky, settings, density, page, labour, clock))
     rays = rays_of(settings, lamps.sky is not None)
-    prepared = _prepare(scene, settings, density, page, rays, threads, clock)
-    problem = prepared.cut.problem
+    prepared = _prepare(atlas, settings, rays, density, labour, clock)
+    problem, n = prepared.cut.problem, prepared.cut.problem.elements.numbers.shape[1]
     if problem.lights is None and not len(lamps.table) and lamps.sky is None:
         raise InputError("bake: nothing shines: what is emissive has no surface, or its pictures are black")
     keep = transport or layers
-    rows, light_rows = _room(problem, settings.seen > 0, rays, keep)
+    rows, light_rows = _room(problem, settings.seen > 0, rays, keep, labour)
     state = start(problem)
 
     def told(looked: float) -> None:
@@ -200,41 +207,53 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
 
     @cache
     def sight() -> Sight:
-        return see_around(prepared.view, rays, threads, told)
+        own = labour.look(prepared.view, rays, told)
+        return own._replace(away=labour.join(own.away, n))
 
-    still = lamps.shine(prepared.view, problem.elements, sight, slice(None), True, threads)
-    state = start(problem, still)
+    still = labour.join(lamps.shine(prepared.view, sight, slice(None), True, labour), n)
+    state = start(problem, still, labour.threads)
     clock.lap("direct")
-    key = saving.fingerprint(prepared.geometry, prepared.luxels, problem.exitance, still, settings) if checkpoint else ""
+    keeps = checkpoint is not None and labour.team.leads
+    key = saving.fingerprint(prepared.geometry, prepared.luxels, problem.exitance, still, settings) if keeps else ""
     if checkpoint and resume:
-        state = saving.load(Path(checkpoint), key, state) or state
+        state = labour.once(lambda: saving.load(Path(checkpoint), key, state) or state)
     deadline = time.monotonic() + seconds if seconds is not None else None
-    steps = [light_steps(problem, state, light_rows, threads)]
+    steps = [light_steps(problem, state, light_rows, labour)]
     if settings.seen:
-        steps.append(element_steps(problem, state, sight, settings.tolerance, threads))
+        steps.append(element_steps(problem, state, sight, settings.tolerance, labour))
     else:
-        steps.append(patch_steps(problem, state, rows, settings.tolerance, threads))
-    finished = _shoot_all(chain(*steps), prepared, state, deadline, progress, (Path(checkpoint), key) if checkpoint else None)
+        steps.append(patch_steps(problem, state, rows, settings.tolerance, labour))
+    kept_in = (Path(checkpoint), key) if checkpoint and keeps else None
+    finished = _shoot_all(chain(*steps), prepared, state, deadline, progress, kept_in, labour)
     clock.lap("solve")
-    if state.escaped.sum() > _MUCH_LOST * state.emitted.sum():
+    if labour.team.leads and state.escaped.sum() > _MUCH_LOST * state.emitted.sum():
         share = f"{state.escaped.sum() / state.emitted.sum():.0%} of the light meets nothing, or backs of surfaces"
         warnings.warn(f"{share}: is the scene open, or are normals inverted?", LuxelWarning, stacklevel=2)
     received = state.received + ambient(problem, state)[:, None].astype(np.float32)
     if finished and settings.gathered:
-        received = state.direct + prepared.view.gather((problem.albedo * received).T.copy(), settings.gathered, threads, told)
+        received = state.direct + labour.join(labour.gather(prepared.view, (problem.albedo * received).T.copy(), settings.gathered, told), n)
         clock.lap("gather")
     values = _per_luxel(prepared, received)
     baked = Baked(prepared.atlas, prepared.luxels, values, prepared.valid, _per_luxel(prepared, state.direct), state.ledger, clock.seconds, finished)
     if keep:
         if problem.lights is not None:
-            complete(problem, problem.lights, light_rows, threads)
-        kept = transport_of(prepared.cut, light_rows, sight().hits, still, prepared.luxels, threads)
+            complete(problem, problem.lights, light_rows, labour)
+        kept = transport_of(prepared.cut, light_rows, sight().hits, still, prepared.luxels, labour)
         baked.transport = kept if transport else None
         clock.lap("transport")
         if layers:
-            baked.layers = _layers(prepared, kept, lamps, sight, threads)
+            baked.layers = _layers(prepared, kept, lamps, sight, labour)
             clock.lap("layers")
     return baked
+
+
+def _labour(threads: int | None, comm: Comm | None) -> Labour:
+    """Who does the heavy work."""
+    if comm is None or comm.size == 1:
+        return Labour(jit.checked_threads(threads))
+    from luxel.cluster.team import Ranks
+
+    return Labour(comm.threads(threads), Ranks(comm))
 
 
 def rays_of(settings: Quality, sky: bool) -> int:
@@ -242,31 +261,35 @@ def rays_of(settings: Quality, sky: bool) -> int:
     return (settings.seen or _SEEN) * (2 if sky else 1)
 
 
-def _room(problem: Problem, elements_shoot: bool, rays: int, keep: bool) -> tuple[Rows, Rows]:
+def _room(problem: Problem, elements_shoot: bool, rays: int, keep: bool, labour: Labour) -> tuple[Rows, Rows]:
     """Where rows are kept: of the patches what fits, if they shoot; of the lights all if they must be."""
     n, patches = problem.elements.numbers.shape[1], len(problem.patches.tree.patches)
     lights = 0 if problem.lights is None else len(problem.lights.tree.patches)
     wanted = 2 * n * lights + 4 * n * rays
     if keep and wanted > _MOST_KEPT:
         raise InputError(f"transport: {wanted / 1e9:.1f} GB for {lights} lights and {n} luxels, at most {_MOST_KEPT / 1e9:.0f} GB: bake coarser")
-    return Rows(patches, n, 0 if elements_shoot else _ROW_BYTES), Rows(lights, n, wanted if keep else 0)
+    own = problem.own.numbers.shape[1]
+    return Rows(patches, own, 0 if elements_shoot else labour.team.size * _ROW_BYTES // (2 * n)), Rows(lights, own, lights if keep else 0)
 
 
-def _layers(prepared: _Prepared, kept: Transport, lamps: Lamps, sight: Callable[[], Sight], threads: int) -> dict[str, Array]:
-    """(n, 3) float32 irradiance by lamp: objects with emissive surfaces, lights of the scene, the sky."""
+def _layers(prepared: _Prepared, kept: Transport | None, lamps: Lamps, sight: Callable[[], Sight], labour: Labour) -> dict[str, Array]:
+    """(n, 3) float32 irradiance by lamp: objects with emissive surfaces, lights of the scene, the sky; none where there is no transport."""
     scene, luxels = prepared.atlas.scene, prepared.luxels
     layers: dict[str, Array] = {}
 
     def add(name: str, still: Array, emission: Array) -> None:
+        if kept is None:
+            return
         unique, k = name, 2
         while unique in layers:
             unique, k = f"{name} {k}", k + 1
-        layers[unique] = kept.spread(still, emission, kept.albedo, _LAYER, threads)
+        layers[unique] = kept.spread(still, emission, kept.albedo, _LAYER, labour.threads)
 
     def shine(rows: slice, sky: bool) -> Array:
-        return lamps.shine(prepared.view, prepared.cut.problem.elements, sight, rows, sky, threads)
+        return labour.join(lamps.shine(prepared.view, sight, rows, sky, labour), n)
 
-    nothing, dark = np.zeros_like(kept.still), np.zeros_like(luxels.emission)
+    n = prepared.cut.problem.elements.numbers.shape[1]
+    nothing, dark = np.zeros((3, n), np.float32), np.zeros_like(luxels.emission)
     drawn = [i for i in scene.instances if len(scene.meshes[i.mesh].triangles)]
     objects = prepared.geometry.part_object[part_of(prepared.geometry, luxels.triangle)]
     for number in np.unique(objects[luxels.emission.sum(1) > 0]):
@@ -301,15 +324,22 @@ def _loaded(scene: Any) -> Scene:
     return load(scene)
 
 
-def _prepare(scene: Scene, settings: Quality, density: float | None, page: int, rays_each: int, threads: int, clock: Clock) -> _Prepared:
+def _laid_out(scene: Any, sky: Any, settings: Quality, density: float | None, page: int, labour: Labour, clock: Clock) -> tuple[Lamps, Atlas]:
+    scene = _loaded(scene)
+    clock.lap("load")
+    lamps = lamps_of(scene, sky)
     if density is not None:
-        check_memory(expected_luxels(scene, density), 0, rays_each, density)
+        check_memory(expected_luxels(scene, density), 0, rays_of(settings, lamps.sky is not None) // labour.team.size, density)
     atlas = unwrap(scene, density, page)
     clock.lap("unwrap")
-    luxels = find_luxels(atlas, threads)
+    return lamps, atlas
+
+
+def _prepare(atlas: Atlas, settings: Quality, rays_each: int, density: float | None, labour: Labour, clock: Clock) -> _Prepared:
+    luxels = find_luxels(atlas, labour.threads)
     if not len(luxels.area):
         raise InputError("bake: the scene has no surface")
-    check_memory(len(luxels.area) + int(luxels.two_sided.sum()), len(atlas.chart), rays_each, density)
+    check_memory(len(luxels.area) + int(luxels.two_sided.sum()), len(atlas.chart), rays_each // labour.team.size, density)
     clock.lap("luxels")
     geometry = flatten(atlas.scene, "none")
     two_sided = _two_sided(atlas.scene, geometry)
@@ -318,25 +348,40 @@ def _prepare(scene: Scene, settings: Quality, density: float | None, page: int, 
     rays = prepare(geometry.positions, np.where((mode == BLEND)[:, None], 0, geometry.triangles), masks)
     finite = geometry.positions[np.isfinite(geometry.positions).all(1)]
     reach = 2.0 * float(np.linalg.norm(np.ptp(finite, axis=0)))
-    backs = seen_backs(rays, two_sided, luxels.position, luxels.face_normal, reach, threads)
-    valid = (backs <= _MOST_BACKS) | luxels.two_sided
     sides = frames_of_texels(atlas, geometry, luxels)
-    if not valid.all():
-        hidden = np.flatnonzero(~valid)
-        u, v = (side[hidden] for side in sides)
-        place, free = free_places(rays, two_sided, luxels.position[hidden], luxels.face_normal[hidden], u, v, reach, threads)
-        valid[hidden], moved = free > 0, hidden[free > 0]
-        luxels.position[moved] = place[free > 0]
-        luxels.area[moved] *= free[free > 0]
-        for side in sides:
-            side[moved] *= np.sqrt(free[free > 0])[:, None]
-    if valid.mean() < _FEW_VALID:
+    valid = _move_out(luxels, sides, rays, two_sided, reach, labour)
+    if labour.team.leads and valid.mean() < _FEW_VALID:
         share = f"{1 - valid.mean():.0%} of the luxels see hardly anything but backs of surfaces"
         warnings.warn(f"{share}: are normals inverted? They stay dark", LuxelWarning, stacklevel=3)
     clock.lap("inside")
-    pieces = cut(luxels, sides, geometry, atlas.chart, valid, two_sided, masks, rays, settings, threads)
+    pieces = cut(luxels, sides, geometry, atlas.chart, valid, two_sided, masks, rays, settings, labour)
     clock.lap("patches")
     return _Prepared(atlas, luxels, geometry, valid, pieces, rays, two_sided, reach)
+
+
+def _move_out(luxels: Luxels, sides: tuple[Array, Array], rays: Occlusion, two_sided: Array, reach: float, labour: Labour) -> Array:
+    """Which luxels are not inside solids, (n,) bool; what is inside in part is changed to the rest of it."""
+
+    def backs(some: Any) -> Array:
+        return seen_backs(rays, two_sided, luxels.position[some], luxels.face_normal[some], reach, labour.threads)
+
+    def free(some: Any) -> Array:
+        which = hidden[some]
+        u, v = (side[which] for side in sides)
+        place, share = free_places(rays, two_sided, luxels.position[which], luxels.face_normal[which], u, v, reach, labour.threads)
+        return np.concatenate([place.T, share[None]])
+
+    valid = (labour.each(len(luxels.area), backs) <= _MOST_BACKS) | luxels.two_sided
+    hidden = np.flatnonzero(~valid)
+    if len(hidden):
+        *place, share = labour.each(len(hidden), free)
+        kept = share > 0
+        valid[hidden], moved = kept, hidden[kept]
+        luxels.position[moved] = np.stack(place, 1)[kept]
+        luxels.area[moved] *= share[kept]
+        for side in sides:
+            side[moved] *= np.sqrt(share[kept])[:, None]
+    return valid
 
 
 def _two_sided(scene: Scene, geometry: Geometry) -> Array:
@@ -354,7 +399,7 @@ def _per_luxel(prepared: _Prepared, values: Array) -> Array:
 
 
 def _shoot_all(shooting: Iterator[State], prepared: _Prepared, state: State, deadline: float | None,
-               progress: Callable[[float, Progress], None] | None, keep: tuple[Path, str] | None) -> bool:  # fmt: skip
+               progress: Callable[[float, Progress], None] | None, keep: tuple[Path, str] | None, labour: Labour) -> bool:  # fmt: skip
     """Shoot to the end; returns whether it was reached. The checkpoint is written now and then, and whatever ends this."""
     saved = time.monotonic()
     try:
@@ -364,7 +409,7 @@ def _shoot_all(shooting: Iterator[State], prepared: _Prepared, state: State, dea
             if keep and time.monotonic() - saved > _SAVE_EVERY:
                 _save(keep, state)
                 saved = time.monotonic()
-            if deadline is not None and time.monotonic() > deadline:
+            if deadline is not None and labour.once(lambda: time.monotonic() > deadline):
                 return False
     finally:
         if keep:

@@ -6,12 +6,14 @@ be seen as a surface and not as a few dots.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from luxel.arrays import Array
-from luxel.radiosity.element import AREA, GX, GZ, LIFT, NX, NZ, PX, PZ, UX, UZ, VX, VZ, find_free
+from luxel.radiosity.element import AREA, FREE, GX, GZ, LIFT, NX, NZ, PX, PZ, UX, UZ, VX, VZ, find_free
+from luxel.radiosity.labour import Labour
 from luxel.radiosity.luxels import Luxels
 from luxel.radiosity.occlusion import Masks, Occlusion, prepare
 from luxel.radiosity.patches import Tree, build_tree, connected
@@ -142,7 +144,7 @@ def occluders_of(geometry: Geometry, two_sided: Array, masks: Masks | None = Non
 
 
 def cut(luxels: Luxels, sides: tuple[Array, Array], geometry: Geometry, charts: Array, valid: Array, two_sided: Array, masks: Masks | None,
-        rays: Occlusion, quality: Quality, threads: int) -> Cut:  # fmt: skip
+        rays: Occlusion, quality: Quality, labour: Labour) -> Cut:  # fmt: skip
     """Cut a scene into elements, patches and lights.
 
     Args:
@@ -158,40 +160,54 @@ def cut(luxels: Luxels, sides: tuple[Array, Array], geometry: Geometry, charts: 
     backs = np.flatnonzero(luxels.two_sided).astype(np.int32)
     luxel = np.concatenate([fronts, backs])
     numbers = np.concatenate([numbers[:, fronts], _turned(numbers[:, backs])], 1)
-    find_free(rays, charts, luxels.chart[luxel], numbers, threads)
+    numbers[[AREA, FREE]] = labour.each(len(luxel), lambda some: _free(rays, charts, luxels.chart[luxel[some]], numbers[:, some], labour.threads))
     extent = (quality.patch * np.sqrt(numbers[AREA] / np.maximum(luxels.coverage[luxel], 0.05))).astype(np.float32)
     tree = build_tree(np.ascontiguousarray(numbers[PX : PZ + 1].T), np.ascontiguousarray(numbers[GX : GZ + 1].T), numbers[AREA], extent)
     elements = elements_of(_in_tree_order(tree, numbers))
-    tree = connected(tree, elements.numbers[PX : PZ + 1].T, elements.numbers[GX : GZ + 1].T, lambda a, b: visible(rays, a, b, threads))
+    tree = connected(tree, elements.numbers[PX : PZ + 1].T, elements.numbers[GX : GZ + 1].T, partial(_visible, rays, labour=labour))
     patches = source_of(tree, elements.numbers, quality.resolution)
+    mine = labour.mine(len(luxel))
+    own = elements if isinstance(mine, slice) else elements_of(np.ascontiguousarray(elements.numbers[:, mine]))
     albedo = np.ascontiguousarray(luxels.albedo[luxel][tree.order].T)
     shining = np.flatnonzero(luxels.emission[fronts].sum(1) > 0)
     lights, exitance, point_luxel = _lights(
-        numbers[:, shining], luxels.emission[fronts[shining]], fronts[shining], rays, quality, threads
+        numbers[:, shining], luxels.emission[fronts[shining]], fronts[shining], rays, quality, labour
     )
     span = geometry.positions[np.isfinite(geometry.positions).all(1)]
     near = _NEAR * float(np.linalg.norm(np.ptp(span, axis=0)))
     problem = Problem(
-        elements, albedo, patches, lights, exitance, point_luxel, occluders_of(geometry, two_sided, masks), near,
+        elements, own, albedo, patches, lights, exitance, point_luxel, occluders_of(geometry, two_sided, masks), near,
         Visibility(rays, quality.rays, quality.exact),
     )  # fmt: skip
     return Cut(problem, luxel[tree.order], tree.order >= len(fronts))
 
 
-def _lights(numbers: Array, emission: Array, luxel: Array, rays: Occlusion, quality: Quality, threads: int) -> tuple[Source | None, Array, Array]:
+def _free(rays: Occlusion, charts: Array, chart: Array, numbers: Array, threads: int) -> Array:
+    """(2, k): the rows AREA and FREE that k elements should have."""
+    numbers = np.ascontiguousarray(numbers)
+    find_free(rays, charts, chart, numbers, threads)
+    return numbers[[AREA, FREE]]
+
+
+def _visible(rays: Occlusion, a: Array, b: Array, labour: Labour) -> Array:
+    """(k,) bool: which of the points (k, 3) see each other."""
+    return labour.each(len(a), lambda some: visible(rays, a[some], b[some], labour.threads))
+
+
+def _lights(numbers: Array, emission: Array, luxel: Array, rays: Occlusion, quality: Quality, labour: Labour) -> tuple[Source | None, Array, Array]:
     """What emits, as a source, with the exitance (k, 3) and the luxel (k,) of its points; of (17, m) numbers, (m, 3) emission and (m,) luxels."""
     if not len(luxel):
         return None, np.zeros((0, 3), np.float32), luxel
     side = float(np.sqrt(numbers[AREA].sum() / quality.light_points))  # of a point's patch
     cuts = int(np.clip(np.ceil(2 * np.sqrt(numbers[AREA].mean()) / side), 1, _MOST_CUTS))
-    fine, whole = _points(numbers, cuts, rays, threads)
+    fine, whole = _points(numbers, cuts, rays, labour)
     extent = np.full(fine.shape[1], side, np.float32)
     tree = build_tree(np.ascontiguousarray(fine[PX : PZ + 1].T), np.ascontiguousarray(fine[GX : GZ + 1].T), fine[AREA], extent)
     origin = whole[tree.order]
     return source_of(tree, _in_tree_order(tree, fine), quality.light_resolution), emission[origin].astype(np.float32), luxel[origin]
 
 
-def _points(numbers: Array, cuts: int, rays: Occlusion, threads: int) -> tuple[Array, Array]:
+def _points(numbers: Array, cuts: int, rays: Occlusion, labour: Labour) -> tuple[Array, Array]:
     """Elements (17, m) cut to `cuts` x `cuts` parts, and which each part is of. Those that the middle of their element does not see, as the surface
     bends away or something stands on it, are left out, and the others are larger."""
     at = (np.arange(cuts) + 0.5) / cuts - 0.5
@@ -200,7 +216,7 @@ def _points(numbers: Array, cuts: int, rays: Occlusion, threads: int) -> tuple[A
     fine = numbers[:, whole]
     middle = (fine[PX : PZ + 1] + LIFT * np.sqrt(fine[AREA]) * fine[GX : GZ + 1]).T
     fine[PX : PZ + 1] += fine[UX : UZ + 1] * np.tile(x, numbers.shape[1]) + fine[VX : VZ + 1] * np.tile(y, numbers.shape[1])
-    kept = visible(rays, middle, fine[PX : PZ + 1].T, threads)
+    kept = _visible(rays, middle, fine[PX : PZ + 1].T, labour)
     count = np.bincount(whole[kept], minlength=numbers.shape[1])
     none = np.flatnonzero(count == 0)  # the middle itself shines for all of these
     fine[PX : PZ + 1, none * cuts * cuts], kept[none * cuts * cuts], count[none] = numbers[PX : PZ + 1, none], True, 1

@@ -35,8 +35,6 @@ behind it, where a surface bends or under something that stands on it."""
 
 _CHUNK = 32
 _RAYS_AT_ONCE = 1 << 22
-_SCALES = 0.5, 2.0  # beyond, there are too few rays to tell
-_ROUNDING = 1e-6
 _BORDER = 2  # texels
 
 
@@ -160,7 +158,7 @@ class View(NamedTuple):
 
     Attributes:
         scene: All that hides.
-        numbers: (17, n) float32, of `Elements`.
+        numbers: (17, k) float32, of `Elements`: those that look.
         lookup: Which element lies where.
         reach: Metres: no ray goes farther.
     """
@@ -181,17 +179,17 @@ class View(NamedTuple):
         return pairwise([*range(0, n, step), n])
 
     def gather(self, light: Array, rays: int, threads: int, told: Callable[[float], None]) -> Array:
-        """(3, n) float32 W/m2: the irradiance of all elements by `rays` of each, of which nothing is kept; `light` (n, 3) float32 radiosity, W/m2.
+        """(3, k) float32 W/m2: the irradiance of the k elements by `rays` of each, of which nothing is kept; `light` (n, 3) float32 radiosity, W/m2.
 
         `told` hears which share of the elements has looked.
         """
-        directions, padded = cosine_directions(rays).astype(np.float32), _padded(light)
-        result = np.empty((3, len(light)), np.float32)
+        directions, padded, count = cosine_directions(rays).astype(np.float32), _padded(light), self.numbers.shape[1]
+        result = np.empty((3, count), np.float32)
         for first, last in self.chunks(rays):
             hits = np.empty((last - first, rays), np.int32)
             self.look(directions, first, last, hits, threads)
             jit.run(_mean, threads, hits, padded, first, result)
-            told(last / len(light))
+            told(last / count)
         return result
 
 
@@ -277,23 +275,6 @@ def see_around(view: View, rays: int, threads: int, told: Callable[[float], None
         jit.run(_count, threads, hits[first:last], area[first:last], away[first:last])
         told(last / len(area))
     return Sight(hits, away)
-
-
-def pass_on(sight: Sight, light: Array, area: Array, threads: int) -> tuple[Array, Array]:
-    """Let all elements shoot: the irradiance of all, (3, n) float32 W/m2, and what goes away, (3,) float64 W.
-
-    From each element as much goes away as of its own rays do (reciprocity), and the rest is received. What is gathered sums up to that but for the
-    chance of the directions, some tenths of a per cent, and is scaled to it.
-
-    Args:
-        light: (n, 3) float32 radiosity, W/m2; `area` (n,) float32, m2.
-    """
-    irradiance = gather(sight.hits, light, threads)
-    sent = light.T.astype(np.float64)
-    wanted, got = sent @ area - sent @ sight.away, irradiance.astype(np.float64) @ area
-    scale = np.clip(np.divide(wanted, got, out=np.ones(3), where=got > 0), *_SCALES)
-    irradiance *= scale[:, None].astype(np.float32)
-    return irradiance, sent @ area - np.where(np.abs(scale * got - wanted) <= _ROUNDING * wanted, wanted, scale * got)
 
 
 def element_pages(luxels: Luxels, luxel: Array, back: Array) -> Array:

@@ -9,10 +9,10 @@ import numpy as np
 
 from luxel.arrays import Array
 from luxel.errors import InputError
-from luxel.radiosity.direct import light_table, shine, sky_table
+from luxel.radiosity.direct import light_table, sky_table
 from luxel.radiosity.gather import Sight, View
-from luxel.radiosity.sky import shine_sky, split
-from luxel.radiosity.transport import Elements
+from luxel.radiosity.labour import Labour
+from luxel.radiosity.sky import split
 from luxel.scene.scene import Scene
 
 _SUN_DIRECTIONS = 2048  # all around: what is much brighter than the rest of the sky is put into these
@@ -25,10 +25,10 @@ class Lamps(NamedTuple):
     own: int
     sky: Array | None
 
-    def shine(self, view: View, elements: Elements, sight: Callable[[], Sight], rows: slice, sky: bool, threads: int) -> Array:
-        """(3, n) float32: irradiance of the elements from some of the lights, W/m2."""
-        received = shine(view.scene, elements, self.table[rows], view.reach, threads)
-        return received + shine_sky(view, sight().hits, self.sky, threads) if sky and self.sky is not None else received
+    def shine(self, view: View, sight: Callable[[], Sight], rows: slice, sky: bool, labour: Labour) -> Array:
+        """(3, k) float32: irradiance of the elements of `view` from some of the lights, W/m2."""
+        received = labour.shine(view, self.table[rows])
+        return received + labour.sky(view, sight(), self.sky) if sky and self.sky is not None else received
 
 
 def lamps_of(scene: Scene, sky: Any) -> Lamps:

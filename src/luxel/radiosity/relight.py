@@ -24,10 +24,11 @@ from luxel.errors import FileError, InputError
 from luxel.radiosity.element import AREA
 from luxel.radiosity.gather import exchange_of, gather
 from luxel.radiosity.solve import Rows, groups, patch_starts
-from luxel.radiosity.transport import receive
+from luxel.radiosity.transport import BLOCK, receive
 
 if TYPE_CHECKING:
     from luxel.radiosity.elements import Cut
+    from luxel.radiosity.labour import Labour
     from luxel.radiosity.luxels import Luxels
 
 _ENOUGH = 1e-3  # of the norm of the right-hand side
@@ -186,16 +187,21 @@ class Transport:
         return cls(**arrays)
 
 
-def transport_of(cut: Cut, lights: Rows, hits: Array, still: Array, luxels: Luxels, threads: int) -> Transport:
-    """What a bake leaves: the rows of its `lights`, complete, and what its elements see, `hits`."""
+def transport_of(cut: Cut, lights: Rows, hits: Array, still: Array, luxels: Luxels, labour: Labour) -> Transport | None:
+    """What a bake leaves: the rows of its `lights`, complete, and what its elements see, `hits`; None on processes that do not lead."""
     problem, area, starts = cut.problem, cut.problem.elements.numbers[AREA].copy(), groups(cut.problem.patches.tree)
     points = np.zeros(0, np.int32), np.zeros(0), np.zeros(1, np.int64)
     if problem.lights is not None:
         points = problem.point_luxel, problem.lights.numbers[AREA].astype(np.float64), patch_starts(problem.lights.tree)
-    slot = lights.slot
+    slot, n = lights.slot, len(area)
+    whole = labour.team.collect(hits, n)
+    rows = labour.team.collect(lights.rows[slot].T, n)
+    touched = labour.team.collect(lights.touched[slot].T, -(-n // BLOCK), grain=1)
+    if whole is None or rows is None or touched is None:
+        return None
     return Transport(
-        cut.luxel, ~cut.back, area, starts, exchange_of(hits, starts, area, threads), hits, lights.rows[slot], lights.touched[slot],
-        lights.scale[slot], *points, still, luxels.emission, luxels.albedo,
+        cut.luxel, ~cut.back, area, starts, exchange_of(whole, starts, area, labour.threads), whole, np.ascontiguousarray(rows.T),
+        np.ascontiguousarray(touched.T), lights.scale[slot], *points, still, luxels.emission, luxels.albedo,
     )  # fmt: skip
 
 

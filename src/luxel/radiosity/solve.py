@@ -4,7 +4,7 @@
                  -> or all elements shoot at once, again and again, through what they see (`gather`)
 
 Received light is summed per element; unshot light per element and patch. All of a batch's rows of transport go through a block of elements
-before the next block, in the same order whatever the threads, so the same bytes come out.
+before the next block, in the same order whatever the threads, so the same bytes come out. What is heavy is done by a `Labour`.
 
 The ledger holds at every step, to rounding: emitted = absorbed + escaped + unshot (W, each channel).
 """
@@ -20,15 +20,18 @@ import numpy as np
 from luxel import jit
 from luxel.arrays import Array
 from luxel.radiosity.element import AREA, PX, PZ
-from luxel.radiosity.gather import Sight, pass_on
-from luxel.radiosity.hemicube import frames_of, see
+from luxel.radiosity.gather import Sight
+from luxel.radiosity.hemicube import frames_of
+from luxel.radiosity.labour import Labour
 from luxel.radiosity.patches import Tree, middles
-from luxel.radiosity.transport import BLOCK, Elements, Occluders, Shooters, Visibility, fill_rows, receive
+from luxel.radiosity.transport import BLOCK, Elements, Occluders, Shooters, Visibility
 
 _BATCH = 128
 _SHARE = 16  # of the patches, at most, shoot at a time: the brightest are known anew after each batch
 _MOST_GROUPS = 512
 _HERE = 5.0
+_SCALES = 0.5, 2.0  # of what elements pass on: beyond, there are too few rays to tell
+_ROUNDING = 1e-6
 _SCALE_RANGE = 0.25, 4.0
 """A row's sum is put right by no more than this; what is left over counts as escaped."""
 
@@ -109,18 +112,18 @@ class State:
 
 
 class Rows:
-    """Where rows of transport are kept: as many as fit, in the order in which they are first wanted; the rest are computed each time.
+    """Where rows of transport are kept: so many, in the order in which they are first wanted; the rest are computed each time.
 
     Attributes:
-        rows: (slots, n) uint16; the last `_BATCH` are not kept.
+        rows: (slots, k) uint16, of this process's elements; the last `_BATCH` are not kept.
         touched: (slots, blocks) bool: which blocks of a row are not all zero.
         slot: (p,) int64: a patch's row, or -1.
         scale: (slots,) float64: what puts the row's sum right.
         lost: (slots,) float64: share of the shooter's light that reaches nothing.
     """
 
-    def __init__(self, patches: int, elements: int, most_bytes: int) -> None:
-        self.kept = min(patches, max(0, most_bytes // (2 * elements)))
+    def __init__(self, patches: int, elements: int, kept: int) -> None:
+        self.kept = min(patches, kept)
         self.rows = np.empty((self.kept + _BATCH, elements), np.uint16)
         self.touched = np.zeros((len(self.rows), -(-elements // BLOCK)), np.bool_)
         self.slot = np.full(patches, -1, np.int64)
@@ -143,7 +146,7 @@ class Problem(NamedTuple):
     """What is solved.
 
     Attributes:
-        elements: n receivers.
+        elements: n receivers; `own`: those that are this process's (`labour`).
         albedo: (3, n) float32.
         patches: They as shooters.
         lights: Emitting surfaces as shooters, or None.
@@ -154,6 +157,7 @@ class Problem(NamedTuple):
     """
 
     elements: Elements
+    own: Elements
     albedo: Array
     patches: Source
     lights: Source | None
@@ -164,7 +168,7 @@ class Problem(NamedTuple):
     rays: Visibility
 
 
-def start(problem: Problem, irradiance: Array | None = None) -> State:
+def start(problem: Problem, irradiance: Array | None = None, threads: int = 1) -> State:
     """The state before the first shot.
 
     Args:
@@ -180,7 +184,7 @@ def start(problem: Problem, irradiance: Array | None = None) -> State:
         0 if problem.lights is None else len(problem.lights.tree.patches), emitted,
     )  # fmt: skip
     if irradiance is not None:
-        _take_in(state, problem, irradiance, 1)
+        _take_in(state, problem, irradiance, threads)
         state.direct += irradiance
         state.emitted += irradiance.astype(np.float64) @ area
     return state
@@ -213,40 +217,40 @@ def _take_in(state: State, problem: Problem, gained: Array, threads: int) -> Non
     state.absorbed = state.absorbed + absorbed.sum(0)
 
 
-def fill(problem: Problem, source: Source, chosen: Array, rows: Rows, threads: int) -> Array:
+def fill(problem: Problem, source: Source, chosen: Array, rows: Rows, labour: Labour) -> Array:
     """Make sure of the rows of the chosen patches, at most `_BATCH`; returns their slots."""
     slots, fresh = rows.place(chosen)
     if not len(fresh):
         return slots
     who = Shooters(*(array[chosen[fresh]] for array in source.shooters))
-    resolution = np.full(len(fresh), source.resolution, np.int64)
-    seen = see(problem.occluders.positions, problem.occluders.triangles, who.centers, who.frames, resolution, problem.near, threads)
+    seen, escaped = labour.see(problem.occluders, who, source.resolution, problem.near)
     to = slots[fresh]
     rays = problem.rays if source is problem.lights or problem.rays.always else problem.rays._replace(number=0)
-    parts, escaped = fill_rows(problem.elements, source.tree, source.numbers, who, seen, problem.occluders, rays, to, rows.rows, threads)
+    parts = labour.fill_rows(problem.own, source.tree, source.numbers, who, seen, problem.occluders, rays, to, rows.rows)
+    rows.touched[to] = parts > 0
+    parts = labour.join(parts, -(-problem.elements.numbers.shape[1] // BLOCK), grain=1)
     sums, areas = parts.sum(1), source.tree.place[who.node, 7].astype(np.float64)
     scale = np.divide(areas, sums, out=np.ones(len(to)), where=sums > 0)
     scale[escaped.any(1)] = 1.0  # only if it sees nothing but fronts is all of its light received, that much is certain
-    rows.touched[to] = parts > 0
     rows.scale[to] = np.clip(scale, *_SCALE_RANGE)
     rows.lost[to] = 1.0 - rows.scale[to] * sums / areas
     return slots
 
 
-def complete(problem: Problem, source: Source, rows: Rows, threads: int) -> Rows:
+def complete(problem: Problem, source: Source, rows: Rows, labour: Labour) -> Rows:
     """Fill the rows of all patches, which `rows` must have room for."""
     missing = np.flatnonzero(rows.slot < 0)
     for first in range(0, len(missing), _BATCH):
-        fill(problem, source, missing[first : first + _BATCH], rows, threads)
+        fill(problem, source, missing[first : first + _BATCH], rows, labour)
     return rows
 
 
-def _shoot(problem: Problem, source: Source, chosen: Array, rows: Rows, radiosity: Array, gained: Array, threads: int) -> Array:
-    """Add to `gained` what the chosen patches give at their mean radiosity (s, 3); returns the watts that reached nothing, (3,)."""
-    slots = fill(problem, source, chosen, rows, threads)
-    receive(rows.rows, rows.touched, slots, (radiosity * rows.scale[slots][:, None]).astype(np.float32), gained, threads)
+def _shoot(problem: Problem, source: Source, chosen: Array, rows: Rows, radiosity: Array, labour: Labour) -> tuple[Array, Array]:
+    """What the chosen patches give at their mean radiosity (s, 3): irradiance (3, n) float32, and the watts that reached nothing, (3,)."""
+    slots = fill(problem, source, chosen, rows, labour)
+    gained = labour.receive(rows.rows, rows.touched, slots, (radiosity * rows.scale[slots][:, None]).astype(np.float32))
     areas = source.tree.place[source.tree.patches[chosen], 7].astype(np.float64)
-    return (radiosity * (areas * rows.lost[slots])[:, None]).sum(0)
+    return labour.join(gained, problem.elements.numbers.shape[1]), (radiosity * (areas * rows.lost[slots])[:, None]).sum(0)
 
 
 def mean(values: Array, area: Array, tree: Tree) -> Array:
@@ -255,49 +259,67 @@ def mean(values: Array, area: Array, tree: Tree) -> Array:
     return np.add.reduceat(values * weight[:, None], first, 0) / np.add.reduceat(weight, first)[:, None]
 
 
-def light_steps(problem: Problem, state: State, rows: Rows, threads: int) -> Iterator[State]:
+def light_steps(problem: Problem, state: State, rows: Rows, labour: Labour) -> Iterator[State]:
     """Let the lights shoot; yields the state after each batch. They have `rows` of their own."""
     lights = problem.lights
     while lights is not None and state.lights_left:
         chosen = np.arange(len(lights.tree.patches))[-state.lights_left :][:_BATCH]
         radiosity = mean(problem.exitance, lights.numbers[AREA], lights.tree)[chosen]
-        gained = np.zeros_like(state.received)
-        state.escaped = state.escaped + _shoot(problem, lights, chosen, rows, radiosity, gained, threads)
+        gained, lost = _shoot(problem, lights, chosen, rows, radiosity, labour)
+        state.escaped = state.escaped + lost
         state.lights_left -= len(chosen)
         state.direct += gained
-        _take_in(state, problem, gained, threads)
+        _take_in(state, problem, gained, labour.threads)
         _write(state, problem, len(chosen))
         yield state
 
 
-def patch_steps(problem: Problem, state: State, rows: Rows, tolerance: float, threads: int) -> Iterator[State]:
+def patch_steps(problem: Problem, state: State, rows: Rows, tolerance: float, labour: Labour) -> Iterator[State]:
     """Let the brightest patches shoot until what is unshot is below `tolerance` of what was emitted; yields the state after each batch."""
     tree, starts = problem.patches.tree, patch_starts(problem.patches.tree)
-    while _much(state, tolerance):
+    while labour.once(lambda: _much(state, tolerance)):
         total = state.power.sum(1)
         chosen = np.sort(np.argsort(-total, kind="stable")[: max(1, min(_BATCH, len(total) // _SHARE))])
         chosen = chosen[total[chosen] > 0]
         radiosity = state.power[chosen] / (tree.place[tree.patches[chosen], 7].astype(np.float64))[:, None]
-        gained = np.zeros_like(state.received)
-        state.escaped = state.escaped + _shoot(problem, problem.patches, chosen, rows, radiosity, gained, threads)
+        gained, lost = _shoot(problem, problem.patches, chosen, rows, radiosity, labour)
+        state.escaped = state.escaped + lost
         for p in chosen:
             state.unshot[:, starts[p] : starts[p + 1]] = 0
-        _take_in(state, problem, gained, threads)
+        _take_in(state, problem, gained, labour.threads)
         _write(state, problem, len(chosen))
         yield state
 
 
-def element_steps(problem: Problem, state: State, sight: Callable[[], Sight], tolerance: float, threads: int) -> Iterator[State]:
+def pass_on(sight: Sight, light: Array, area: Array, labour: Labour) -> tuple[Array, Array]:
+    """Let all elements shoot: the irradiance of all, (3, n) float32 W/m2, and what goes away, (3,) float64 W.
+
+    From each element as much goes away as of its own rays do (reciprocity), and the rest is received. What is gathered sums up to that but for the
+    chance of the directions, some tenths of a per cent, and is scaled to it.
+
+    Args:
+        sight: With `hits` of this process's elements, and `away` of all.
+        light: (n, 3) float32 radiosity, W/m2; `area` (n,) float32, m2.
+    """
+    irradiance = labour.join(labour.mean(sight, light), len(light))
+    sent = light.T.astype(np.float64)
+    wanted, got = sent @ area - sent @ sight.away, irradiance.astype(np.float64) @ area
+    scale = np.clip(np.divide(wanted, got, out=np.ones(3), where=got > 0), *_SCALES)
+    irradiance *= scale[:, None].astype(np.float32)
+    return irradiance, sent @ area - np.where(np.abs(scale * got - wanted) <= _ROUNDING * wanted, wanted, scale * got)
+
+
+def element_steps(problem: Problem, state: State, sight: Callable[[], Sight], tolerance: float, labour: Labour) -> Iterator[State]:
     """Let all elements shoot at once, through what they see; yields the state after each time.
 
     Until what is unshot is below `tolerance` of what was emitted, and little of what a luxel has received, on the average: under a sky little of all
     the light is much of what comes through a window.
     """
-    while _much(state, tolerance) or _much_here(state, _HERE * tolerance):
-        gained, away = pass_on(sight(), np.ascontiguousarray(state.unshot.T), problem.elements.numbers[AREA], threads)
+    while labour.once(lambda: _much(state, tolerance) or _much_here(state, _HERE * tolerance)):
+        gained, away = pass_on(sight(), np.ascontiguousarray(state.unshot.T), problem.elements.numbers[AREA], labour)
         state.escaped = state.escaped + away
         state.unshot[:] = 0
-        _take_in(state, problem, gained, threads)
+        _take_in(state, problem, gained, labour.threads)
         _write(state, problem, 0)
         yield state
 

@@ -1,0 +1,128 @@
+"""Labour: the heavy work of a bake, and who does it.
+
+Everything heavy asks the same of many items that need nothing of each other: rays from every element (or luxel, before there are elements), what each
+receives from a row of shooters, what each shooter sees. So items are dealt out. What is small (received and unshot light, patches, the ledger)
+everybody has, and everybody comes by the same sums in the same order to the same decisions; so the same bytes come out, whoever did what:
+
+    mine = labour.mine(n)                          # which of n items are this process's
+    whole = labour.join(kernel(values[mine]), n)   # what everybody has found, everywhere
+
+A `Team` says which items are whose: here one process, all of them; with ranks of MPI each its own (`luxel.cluster.team`). A `Labour` is what works on
+this process's items: here threads of the processor. Another, as a GPU's, overrides the steps that end in "(k, ...) of this process's elements",
+and may keep what only they use (`Sight.hits`, the rows) where it likes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+
+from luxel.arrays import Array
+from luxel.radiosity import gather
+from luxel.radiosity.direct import shine
+from luxel.radiosity.gather import Sight, View
+from luxel.radiosity.hemicube import ItemBuffers, see
+from luxel.radiosity.patches import Tree
+from luxel.radiosity.sky import shine_sky
+from luxel.radiosity.transport import BLOCK, Elements, Occluders, Shooters, Visibility, escapes, fill_rows, receive
+
+T = TypeVar("T")
+
+
+class Drawn(NamedTuple):
+    """What s shooters see, and `escaped` (s, 2) float64: what of their light nobody receives (`transport.escapes`)."""
+
+    seen: ItemBuffers
+    escaped: Array
+
+
+class Team:
+    """Who there is: one process alone.
+
+    Attributes:
+        leads: This process speaks and writes.
+        size: Number of processes.
+    """
+
+    leads, size = True, 1
+
+    def mine(self, n: int, grain: int = BLOCK) -> Any:
+        """Which of n items are this process's, in order, as an index: groups of `grain` that follow each other stay together."""
+        return slice(None)
+
+    def join(self, part: Array, n: int, grain: int = BLOCK) -> Array:
+        """(..., n), the same everywhere: of everybody's part (..., k), of the items of `mine`."""
+        return part
+
+    def collect(self, part: Array, n: int, grain: int = BLOCK) -> Array | None:
+        """(n, ...) where the process leads, None elsewhere: of everybody's part (k, ...)."""
+        return part
+
+    def once(self, work: Callable[[], T]) -> T:
+        """What `work` gives where the process leads, everywhere."""
+        return work()
+
+    def drawn(self, resolution: Array, draw: Callable[[int, int], Drawn]) -> Drawn:
+        """What s shooters see, everywhere, where `draw(first, last)` tells it of some; `resolution` (s,) int64, see `hemicube.see`."""
+        return draw(0, len(resolution))
+
+
+class Labour:
+    """Work on this process's items by threads of the processor.
+
+    Args:
+        threads: How many.
+        team: Whose items are whose.
+    """
+
+    def __init__(self, threads: int, team: Team | None = None) -> None:
+        self.threads, self.team = threads, team or Team()
+        self.mine, self.join, self.once = self.team.mine, self.team.join, self.team.once
+
+    def each(self, n: int, work: Callable[[Any], Array]) -> Array:
+        """(..., n), the same everywhere: of `work(which)`, (..., k) for an index of k of n items."""
+        return self.join(work(self.mine(n)), n)
+
+    def see(self, occluders: Occluders, who: Shooters, resolution: int, near: float) -> Drawn:
+        """What shooters see; `resolution` and `near` as in `hemicube.see`."""
+        sizes = np.full(len(who.node), resolution, np.int64)
+
+        def draw(first: int, last: int) -> Drawn:
+            centers, frames = who.centers[first:last], who.frames[first:last]
+            seen = see(occluders.positions, occluders.triangles, centers, frames, sizes[first:last], near, self.threads)
+            return Drawn(seen, escapes(centers, seen, occluders, self.threads))
+
+        return self.team.drawn(sizes, draw)
+
+    def fill_rows(self, elements: Elements, tree: Tree, source: Array, who: Shooters, seen: ItemBuffers, occluders: Occluders, rays: Visibility,
+                  slots: Array, rows: Array) -> Array:  # fmt: skip
+        """`transport.fill_rows`; rows (slots, k) of this process's elements."""
+        return fill_rows(elements, tree, source, who, seen, occluders, rays, slots, rows, self.threads)
+
+    def receive(self, rows: Array, touched: Array, slots: Array, powers: Array) -> Array:
+        """(3, k) float32: what shooters give by `transport.receive` to this process's elements."""
+        received = np.zeros((3, rows.shape[1]), np.float32)
+        receive(rows, touched, slots, powers, received, self.threads)
+        return received
+
+    def shine(self, view: View, table: Array) -> Array:
+        """(3, k) float32, W/m2: what lights of a `direct.light_table` give to this process's elements, those of `view`."""
+        return shine(view.scene, view.numbers, table, view.reach, self.threads)
+
+    def sky(self, view: View, sight: Sight, even: Array) -> Array:
+        """(3, k) float32, W/m2: what an `even` sky (h, w, 3) gives to this process's elements."""
+        return shine_sky(view, sight.hits, even, self.threads)
+
+    def look(self, view: View, rays: int, told: Callable[[float], None]) -> Sight:
+        """What this process's elements see by so many rays; `told` hears which share of them has looked."""
+        return gather.see_around(view, rays, self.threads, told)
+
+    def mean(self, sight: Sight, light: Array) -> Array:
+        """(3, k) float32: the mean of `light` (n, 3) float32 over what the rays of this process's elements meet."""
+        return gather.gather(sight.hits, light, self.threads)
+
+    def gather(self, view: View, light: Array, rays: int, told: Callable[[float], None]) -> Array:
+        """(3, k) float32: the same by rays of which nothing is kept."""
+        return view.gather(light, rays, self.threads, told)
