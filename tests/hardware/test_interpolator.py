@@ -1,5 +1,7 @@
 """The whole interpolator: every bit against exact arithmetic fragment by fragment, and its errors against bounds that are derived."""
 
+import subprocess
+import sys
 from fractions import Fraction
 
 import exact
@@ -176,3 +178,11 @@ def test_what_is_refused():
         draw(flat[0], words.astype(float)[0], 5, 5)
     with pytest.raises(InputError, match="exponent bits"):
         bounds(Precision(30, 16))
+
+
+def test_the_model_stands_alone():
+    """The rasteriser calls it; it needs nothing of the rasteriser, nor a compiler."""
+    code = "import sys, luxel.hardware.bounds; print(*(m for m in sys.modules if m.startswith('luxel.') or m == 'numba'))"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True, text=True).stdout.split()
+    parts = {name.split(".")[1] if "." in name else name for name in found}
+    assert parts == {"hardware", "arrays", "errors", "fixed"}

@@ -19,11 +19,11 @@ import numpy as np
 
 from luxel.arrays import Array, checked
 from luxel.errors import InputError
+from luxel.fixed import SUBPIXEL
 from luxel.hardware.float24 import FLOAT24, ONE
 from luxel.hardware.formats import FLOAT32, Format
 from luxel.hardware.reciprocal import WIDE, Words, table
 from luxel.hardware.scan import CENTRE, edges, scan
-from luxel.raster.constants import SUBPIXEL
 
 _CHUNK = 1 << 14  # fragments at once: their arrays stay in a core's cache
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from luxel.arrays import Array, checked
 from luxel.errors import InputError
-from luxel.raster.constants import GUARD_HIGH, GUARD_LOW, SUBPIXEL, SUBPIXEL_LOG2
+from luxel.fixed import GUARD_HIGH, GUARD_LOW, SUBPIXEL, SUBPIXEL_LOG2
 
 BLOCK = 8
 CENTRE = SUBPIXEL // 2

@@ -1,20 +1,13 @@
-"""Numbers that every stage of the rasteriser shares. Fixed-point positions have 8 fraction bits; y points down; pixel (0, 0) is the top left one."""
+"""Numbers that every stage of the rasteriser shares; those of fixed-point positions are from `luxel.fixed`."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from luxel.arrays import Array
-
-SUBPIXEL_LOG2 = 8
-SUBPIXEL = 1 << SUBPIXEL_LOG2
-
-MAX_SIZE = 1 << 15
-"""Largest picture side drawn in one piece, pixels; larger pictures are drawn in windows."""
-
-GUARD_LOW = -(MAX_SIZE << SUBPIXEL_LOG2)
-GUARD_HIGH = 2 * MAX_SIZE << SUBPIXEL_LOG2
-"""Fixed-point coordinates stay between these, or the triangle is clipped. So an edge function is below 2^52: exact in int64 and in float64."""
+from luxel.fixed import GUARD_HIGH, GUARD_LOW, SUBPIXEL
+from luxel.fixed import MAX_SIZE as MAX_SIZE
+from luxel.fixed import SUBPIXEL_LOG2 as SUBPIXEL_LOG2
 
 SAFE_LOW, SAFE_HIGH = GUARD_LOW + 2 * SUBPIXEL, GUARD_HIGH - 2 * SUBPIXEL
 """Vertices between these need no clipping. They lie within the planes at which triangles are cut (`Window.guard`, a pixel further out), so no

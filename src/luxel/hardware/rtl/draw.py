@@ -8,6 +8,7 @@ import numpy as np
 
 from luxel.arrays import Array
 from luxel.errors import InputError
+from luxel.fixed import SUBPIXEL_LOG2
 from luxel.hardware.float24 import ONE
 from luxel.hardware.rtl.area import CORNERS
 from luxel.hardware.rtl.barycentric import COLORS
@@ -16,7 +17,6 @@ from luxel.hardware.rtl.simulate import run
 from luxel.hardware.rtl.whole import COORDINATE_BITS, Interpolator
 from luxel.hardware.scan import scan
 from luxel.hardware.synthesis import tools
-from luxel.raster.constants import SUBPIXEL_LOG2
 
 SIMULATORS = ("cxx", "amaranth")
 WIDE_BITS = 26

@@ -12,12 +12,12 @@ from typing import Any
 from amaranth import C, Cat, Mux, Value, signed, unsigned
 from amaranth.lib import data
 
+from luxel.fixed import SUBPIXEL_LOG2
 from luxel.hardware.rtl.area import CORNERS, Area, corner_shapes
 from luxel.hardware.rtl.floats import chosen
 from luxel.hardware.rtl.pipeline import Copy, Operator, Pipeline, Timed
 from luxel.hardware.rtl.product import product
 from luxel.hardware.scan import BLOCK, CENTRE
-from luxel.raster.constants import SUBPIXEL_LOG2
 
 BLOCK_LOG2 = BLOCK.bit_length() - 1
 
