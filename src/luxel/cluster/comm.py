@@ -20,6 +20,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -51,7 +52,7 @@ class Comm:
 
     @property
     def sent(self) -> int:
-        """Bytes of arrays that this rank has sent to others with `move`, `trade` and `exchange`, also as one of a part."""
+        """Bytes of arrays that this rank has sent to others with `move`, `trade`, `exchange` and `pool`, also as one of a part."""
         return self._sent[0]
 
     def share(self, value: Any) -> Any:
@@ -84,6 +85,10 @@ class Comm:
         """The sum of all ranks' arrays of integers, which have one shape, on all ranks."""
         return array
 
+    def pool(self, array: Array) -> list[Array]:
+        """Every rank's array, in order and flat, on all ranks. They share one dtype."""
+        return [array.reshape(-1)]
+
     def move(self, out: Sequence[tuple[int, Array]], into: Sequence[tuple[int, Array]]) -> None:
         """Send arrays to ranks, and fill arrays, or views of rows that lie together, with what ranks send: both sides know shapes and order."""
         assert not out
@@ -113,6 +118,9 @@ class Comm:
         from luxel.jit import available_threads, checked_threads
 
         return checked_threads(wanted) if wanted is not None else max(1, available_threads() // self.neighbours)
+
+    def unfinished(self, path: Path | None) -> None:
+        """Should this rank die, this file is to be removed; None takes that back."""
 
     @contextmanager
     def guard(self) -> Iterator[None]:
@@ -222,6 +230,14 @@ class _Ranks(Comm):
         self._comm.Allreduce(np.ascontiguousarray(array), out)
         return out
 
+    def pool(self, array: Array) -> list[Array]:
+        own, sizes = _bytes(np.ascontiguousarray(array)), np.empty(self.size, np.int64)
+        self._wait(self._comm.Iallgather(np.array([own.size]), sizes).Test)
+        whole = np.empty(int(sizes.sum()), np.uint8)
+        self._wait(self._comm.Iallgatherv(own, [whole, sizes]).Test)
+        self._sent[0] += own.size * (self.size - 1)
+        return [part.view(array.dtype) for part in np.split(whole, np.cumsum(sizes)[:-1])]
+
     def move(self, out: Sequence[tuple[int, Array]], into: Sequence[tuple[int, Array]]) -> None:
         waiting = [self._comm.Irecv(_bytes(part), rank, _MOVED) for rank, array in into for part in _parts(array)]
         whole = [(rank, part) for rank, array in out for part in _parts(np.ascontiguousarray(array))]
@@ -252,6 +268,9 @@ class _Ranks(Comm):
         self._comm.Alltoallv([sent.view(np.uint8), counts], [got.view(np.uint8), [size * dtype.itemsize for size in sizes]])
         ends = np.cumsum(sizes)
         return [got[end - size : end].reshape(shape) for end, size, shape in zip(ends, sizes, shapes, strict=True)]
+
+    def unfinished(self, path: Path | None) -> None:
+        self._witness.unfinished("" if path is None else str(path.absolute()))
 
     @contextmanager
     def guard(self) -> Iterator[None]:

@@ -253,7 +253,8 @@ def _labour(threads: int | None, comm: Comm | None) -> Labour:
         return Labour(jit.checked_threads(threads))
     from luxel.cluster.team import Ranks
 
-    return Labour(comm.threads(threads), Ranks(comm))
+    each = comm.threads(threads)
+    return Labour(each, Ranks(comm, each))
 
 
 def rays_of(settings: Quality, sky: bool) -> int:

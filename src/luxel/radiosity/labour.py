@@ -64,8 +64,8 @@ class Team:
         """What `work` gives where the process leads, everywhere."""
         return work()
 
-    def drawn(self, resolution: Array, draw: Callable[[int, int], Drawn]) -> Drawn:
-        """What s shooters see, everywhere, where `draw(first, last)` tells it of some; `resolution` (s,) int64, see `hemicube.see`."""
+    def drawn(self, resolution: Array, near: float, draw: Callable[[int, int], Drawn]) -> Drawn:
+        """What s shooters see, everywhere, where `draw(first, last)` tells it of some; `resolution` (s,) int64 and `near` as in `hemicube.see`."""
         return draw(0, len(resolution))
 
 
@@ -94,7 +94,7 @@ class Labour:
             seen = see(occluders.positions, occluders.triangles, centers, frames, sizes[first:last], near, self.threads)
             return Drawn(seen, escapes(centers, seen, occluders, self.threads))
 
-        return self.team.drawn(sizes, draw)
+        return self.team.drawn(sizes, near, draw)
 
     def fill_rows(self, elements: Elements, tree: Tree, source: Array, who: Shooters, seen: ItemBuffers, occluders: Occluders, rays: Visibility,
                   slots: Array, rows: Array) -> Array:  # fmt: skip
