@@ -81,8 +81,10 @@ def optimize(
 ) -> None:
     """Order a file's triangles and vertices for the caches of a GPU.
 
-    What is drawn stays the same. Shows caches, overdraw and fetches before and after.
+    What is drawn stays the same. Shows caches, overdraw and fetches before and after. Under mpiexec the ranks share the work; a binary .ply of
+    triangles is then larger than any of them need hold.
     """
+    from luxel.cluster.comm import launched
     from luxel.layout.files import FORMATS, optimize_file
     from luxel.layout.optimize import Options
 
@@ -104,10 +106,18 @@ def optimize(
     chosen = Options(**options, weld=weld, drop_degenerate=drop_degenerate, drop_duplicates=drop_duplicates, drop_unused=drop_unused, more=more)
     console = Console(quiet, as_json)
     measures = not quiet or as_json or report is not None or picture is not None
-    with console.work("ordering") as told:
-        found, scenes = optimize_file(file, output, chosen, measures=measures, check=check, progress=told)
-        if picture is not None:
-            _draw(picture, file, scenes, chosen)
+    if launched():
+        from luxel.cli.ranks import optimize_with_ranks
+
+        result = optimize_with_ranks(console, file, output, chosen, measures, check, picture)
+        if result is None:
+            return
+        found, scenes = result
+    else:
+        with console.work("ordering") as told:
+            found, scenes = optimize_file(file, output, chosen, measures=measures, check=check, progress=told)
+    if picture is not None:
+        _draw(picture, file, scenes, chosen)
     data = {"file": str(file), "output": None if output is None else str(output), "checked": check, **found.as_dict()}
     if report is not None:
         _write(report, data)

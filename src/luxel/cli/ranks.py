@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from luxel.cli.drawing import View
     from luxel.cluster.comm import Comm
     from luxel.cluster.shares import Shared
+    from luxel.layout.optimize import Options, Report
+    from luxel.scene.scene import Scene
 
 _KINDS = {"screen": "the screen", "objects": "the triangles", "both": "the screen and the triangles"}
 
@@ -71,6 +73,26 @@ def _cameras(view: View, shared: Shared, size: tuple[int, int]) -> tuple[Any, An
     return cameras, view.cameras_before(cameras, shared.outline, size)
 
 
+def optimize_with_ranks(console: Console, file: Path, output: Path | None, options: Options, measures: bool, check: bool,
+                        picture: Path | None) -> tuple[Report, list[Scene]] | None:  # fmt: skip
+    """Lay a file out with all ranks: what rank 0 tells of; None on the others."""
+    from luxel.cluster.agree import agree
+    from luxel.cluster.comm import world
+    from luxel.cluster.layout_file import optimize_file
+
+    comm = world()
+    if comm.rank:
+        console.quiet, console.as_json = True, False
+    with comm.guard():
+        agree(comm, (file,), options=options, output=output, measures=measures, check=check)
+        warn_of_crowds(comm, options.threads)
+        with console.work("ordering") as told:
+            report, scenes, shared = optimize_file(file, output, options, comm, measures=measures, check=check, progress=told)
+        if picture is not None and shared:
+            raise InputError("--picture: ranks that share a file hold no whole mesh to draw; without mpiexec it is drawn")
+    return None if comm.rank else (report, scenes)
+
+
 def share_lightmap(shared: Shared, path: Path, comm: Comm) -> None:
     """Give a scene that ranks share a lightmap, as `with_lightmap` does it: materials are lightmapped for all ranks, or none.
 
@@ -94,6 +116,21 @@ def share_lightmap(shared: Shared, path: Path, comm: Comm) -> None:
             mesh.material = mesh.material if mesh.material >= 0 else len(scene.materials) - 1
         chosen = chosen - {-1} | {len(scene.materials) - 1}
     give_lightmap(scene, path, chosen)
+
+
+def share_work(comm: Comm, **told: Any) -> None:
+    """See that ranks that share a command's work were given the same, by name, and tell of crowds; nothing for one."""
+    if comm.size > 1:
+        from luxel.cluster.agree import agree
+
+        agree(comm, **told)
+        warn_of_crowds(comm, told["threads"])
+
+
+def shares_of(comm: Comm) -> list[dict[str, float]]:
+    """Of each rank: bytes it has sent, seconds it has waited for others, and the most memory it has had, bytes."""
+    own = {"sent": comm.sent, "waited": comm.waited, "peak": peak_bytes()}
+    return comm.gather(own)
 
 
 def warn_of_crowds(comm: Comm, threads: int | None) -> None:

@@ -48,7 +48,12 @@ class Comm:
     rank, size, neighbours = 0, 1, 1
 
     def __init__(self) -> None:
-        self._sent = [0]
+        self._sent, self._waited = [0], [0.0]
+
+    @property
+    def waited(self) -> float:
+        """Seconds that this rank has waited for others, also as one of a part."""
+        return self._waited[0]
 
     @property
     def sent(self) -> int:
@@ -136,7 +141,7 @@ class _Ranks(Comm):
         self._mpi, self._comm, self._witness = mpi, comm, witness
         self.rank, self.size = comm.Get_rank(), comm.Get_size()
         if whole is not None:
-            self.neighbours, self._sent = whole.neighbours, whole._sent
+            self.neighbours, self._sent, self._waited = whole.neighbours, whole._sent, whole._waited
             return
         here = comm.Split_type(mpi.COMM_TYPE_SHARED)
         self.neighbours = here.Get_size()
@@ -149,6 +154,7 @@ class _Ranks(Comm):
         while not ready():
             if (waited := time.perf_counter() - start) > _PATIENCE:
                 time.sleep(min(waited / 10, _NAP))
+        self._waited[0] += time.perf_counter() - start
 
     def _together(self) -> None:
         """Until all ranks are here."""

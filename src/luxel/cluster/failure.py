@@ -14,6 +14,7 @@ import sys
 import time
 import traceback
 from collections.abc import Callable
+from contextlib import suppress
 
 from luxel.errors import LuxelError
 
@@ -21,7 +22,7 @@ FAILED, INTERRUPTED = 2, 130
 _LAST_WORD = 0.5  # seconds that the launcher has to pass on what a rank said before it stops them all
 _CLEANING = 2.0  # seconds that rank 0 has, when all are interrupted, to remove what it was writing
 _SILENCE = 2.0  # seconds after one's word in which the others' is not news
-_PEACE, _SPOKEN = b"\0", b"\1"
+_PEACE, _SPOKEN, _FILE = b"\0", b"\1", b"\2"
 
 
 class Witness:
@@ -45,6 +46,10 @@ class Witness:
         """The rank is called this."""
         self.name = name
         self._tell(name.encode())
+
+    def unfinished(self, path: str) -> None:
+        """Should the rank end without peace, this file is to be removed; "" takes that back."""
+        self._tell(_FILE + os.fsencode(path).hex().encode() + _FILE)
 
     def rest(self) -> None:
         """The rank ends in peace."""
@@ -106,7 +111,11 @@ def _wait(read: int, rank: int, launcher: int) -> None:
         if heard.endswith(_PEACE):
             return
         words = heard.split(_SPOKEN)
-        text = words[1].decode() if len(words) == 3 else f"luxel: {words[0].decode() or 'a rank'}: {_cause(rank)}"
+        name, *files = words[0].split(_FILE)
+        if files[:-1] and files[-2]:
+            with suppress(OSError):
+                os.unlink(os.fsdecode(bytes.fromhex(files[-2].decode())))
+        text = words[1].decode() if len(words) == 3 else f"luxel: {name.decode() or 'a rank'}: {_cause(rank)}"
         with socket.socket(socket.AF_UNIX) as first:
             if sys.platform == "linux":
                 first.bind(f"\0luxel-{launcher}")  # a name that only one can have, and that goes with it

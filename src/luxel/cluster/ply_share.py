@@ -8,59 +8,30 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import IO, Any
+from typing import IO
 
 import numpy as np
 
 from luxel.arrays import Array
 from luxel.cluster.comm import Comm
-from luxel.errors import FileError
+from luxel.cluster.ply_table import Table, tables_of
+from luxel.cluster.ply_table import corners as corners_of
 from luxel.io.files import open_plain
-from luxel.io.ply import INDEX_NAMES, read_header, scene_of
-from luxel.io.ply_rows import ROWS, Columns, Element, Lists, row_fields
+from luxel.io.ply import read_header, scene_of
+from luxel.io.ply_rows import ROWS, Columns, Lists
 from luxel.scene.scene import Scene
 
 STREAMED = 1 << 20
 """Triangles of a rank: larger shares stay in the file."""
 PIECE = 1 << 17
-"""Triangles that are read together."""
+"""Triangles of such a share that are drawn together."""
 _UNIT = 1e-3  # as `io.build` judges normals
-
-
-class _Table:
-    """An element of a binary file whose rows are alike.
-
-    Attributes:
-        rows: How many.
-        dtype: Of a row; the fields that are list lengths are in `lengths`.
-        begin: Its first byte.
-    """
-
-    def __init__(self, element: Element, begin: int) -> None:
-        self.element, self.rows, self.begin = element, element.rows, begin
-        self.dtype, self.lengths = row_fields(element, {prop.name: 3 for prop in element.properties if prop.count is not None})
-        self.fields = dict(zip((prop.name for prop in element.properties), (n for i, n in enumerate(self.dtype.names or ()) if i not in self.lengths),
-                               strict=True))  # fmt: skip
-        self.end = begin + self.rows * self.dtype.itemsize
-
-    def stacked(self, rows: Any, names: Iterable[str]) -> Array:
-        """(n, 3) float32: three properties of rows."""
-        return np.stack([rows[self.fields[name]].astype(np.float32) for name in names], 1)
-
-    def read(self, file: IO[bytes], first: int, last: int) -> Iterator[tuple[int, Any]]:
-        """Rows first .. last - 1, some at a time."""
-        file.seek(self.begin + first * self.dtype.itemsize)
-        for start in range(first, last, PIECE):
-            rows = np.fromfile(file, self.dtype, min(PIECE, last - start))
-            if len(rows) < min(PIECE, last - start):
-                raise FileError(f"{file.name}, element {self.element.name}", f"the file ends in row {start + len(rows)} of {self.rows}")
-            yield start, rows
 
 
 class Vertices:
     """Where the vertices of a file are, read when they are asked for: what a camera is framed with stands for the `positions` of a mesh."""
 
-    def __init__(self, path: Path, table: _Table) -> None:
+    def __init__(self, path: Path, table: Table) -> None:
         self.path, self.table, self.shape = path, table, (table.rows, 3)
 
     def __len__(self) -> int:
@@ -97,7 +68,7 @@ class Stream:
         count: Its triangles.
     """
 
-    def __init__(self, path: Path, tables: tuple[_Table, _Table], first: int, last: int, unit: bool, texture: str) -> None:
+    def __init__(self, path: Path, tables: tuple[Table, Table], first: int, last: int, unit: bool, texture: str) -> None:
         self.path, self.tables, self.first, self.count, self.unit, self.texture = path, tables, first, last - first, unit, texture
 
     def pieces(self) -> Iterator[tuple[int, Array, Array]]:
@@ -105,7 +76,7 @@ class Stream:
         vertex, face = self.tables
         with self.path.open("rb") as file:
             for start in range(0, self.count, PIECE):
-                corners = _corners(face, file, self.first + start, self.first + min(self.count, start + PIECE))
+                corners = corners_of(face, file, self.first + start, self.first + min(self.count, start + PIECE))
                 assert corners is not None
                 columns, local = _vertices(vertex, file, corners, "xyz")
                 positions = np.stack([columns[name].astype(np.float32, copy=False) for name in "xyz"], 1)
@@ -119,7 +90,7 @@ class Stream:
             for start in range(0, self.count, PIECE):
                 wanted = rows[np.searchsorted(rows, start) : np.searchsorted(rows, start + PIECE)]
                 if len(wanted):
-                    corners = _corners(face, file, self.first + start, self.first + min(self.count, start + PIECE))
+                    corners = corners_of(face, file, self.first + start, self.first + min(self.count, start + PIECE))
                     assert corners is not None
                     chosen.append(corners[wanted - start])
             corners = np.concatenate(chosen or [np.zeros((0, 3), np.int32)])
@@ -148,13 +119,13 @@ def load_share(path: Path, comm: Comm) -> tuple[Scene | Stream, Scene] | None:
     """
     with open_plain(path) as file:
         order, elements, texture = read_header(file, path.name)
-        tables = _tables(elements, file.tell()) if order else None
-        if tables is None or max(table.end for table in tables) > path.stat().st_size:
+        tables = tables_of(elements, file.tell()) if order else None
+        if tables is None or not _whole_scene(tables[0]) or max(table.end for table in tables) > path.stat().st_size:
             return None  # if it is too short, the reader of whole files says so
         vertex, face = tables
         first, last = comm.share_out(face.rows)[comm.rank]
         streamed = face.rows > STREAMED * comm.size
-        corners = None if streamed else _corners(face, file, first, last)
+        corners = None if streamed else corners_of(face, file, first, last)
         good = _sound(face, vertex, file, first, last) if streamed else corners is not None
         found = comm.gather((good, _normals(vertex, file, *comm.share_out(vertex.rows)[comm.rank], streamed)))
         if not all(triangles and normals is not None for triangles, normals in found):
@@ -168,46 +139,22 @@ def load_share(path: Path, comm: Comm) -> tuple[Scene | Stream, Scene] | None:
     return scene, whole
 
 
-def _tables(elements: list[Element], begin: int) -> tuple[_Table, _Table] | None:
-    """The vertices and the faces, if they are all that is needed, and every row of them can be found."""
-    found = {}
-    for element in elements:
-        lists = [prop.name for prop in element.properties if prop.count is not None]
-        if len(lists) != (element.name == "face") or (lists and lists[0] not in INDEX_NAMES):
-            break  # where the next element begins is not known
-        found[element.name] = _Table(element, begin)
-        begin = found[element.name].end
-    if not {"vertex", "face"} <= found.keys() or "tristrips" in {element.name for element in elements}:
-        return None
-    colors = [prop.dtype.kind for prop in found["vertex"].element.properties if prop.name.endswith("red")]
-    if not {"x", "y", "z", "nx", "ny", "nz"} <= found["vertex"].fields.keys() or "f" in colors:  # what float colours mean hangs on the largest
-        return None
-    return found["vertex"], found["face"]
+def _whole_scene(vertex: Table) -> bool:
+    """Whether each vertex has all that a scene needs of it, whatever the others have."""
+    colors = [prop.dtype.kind for prop in vertex.element.properties if prop.name.endswith("red")]
+    return {"nx", "ny", "nz"} <= vertex.fields.keys() and "f" not in colors  # what float colours mean hangs on the largest
 
 
-def _corners(face: _Table, file: IO[bytes], first: int, last: int) -> Array | None:
-    """(k, 3): vertices of the faces first .. last - 1, as the file has them; None if they are not all triangles."""
-    name = next(prop.name for prop in face.element.properties if prop.count is not None)
-    out = np.empty((last - first, 3), face.dtype[face.fields[name]].base.newbyteorder("="))
-    if out.dtype.kind == "f":
-        return None
-    for start, rows in face.read(file, first, last):
-        if (rows[face.dtype.names[face.lengths[0]]] != 3).any():  # type: ignore[index]
-            return None
-        out[start - first : start - first + len(rows)] = rows[face.fields[name]]
-    return out
-
-
-def _sound(face: _Table, vertex: _Table, file: IO[bytes], first: int, last: int) -> bool:
+def _sound(face: Table, vertex: Table, file: IO[bytes], first: int, last: int) -> bool:
     """Whether faces first .. last - 1 are triangles of vertices that are there."""
     for start in range(first, last, PIECE):
-        corners = _corners(face, file, start, min(last, start + PIECE))
+        corners = corners_of(face, file, start, min(last, start + PIECE))
         if corners is None or int(corners.min(initial=0)) < 0 or int(corners.max(initial=0)) >= vertex.rows:
             return False
     return True
 
 
-def _normals(vertex: _Table, file: IO[bytes], first: int, last: int, all_finite: bool) -> bool | None:
+def _normals(vertex: Table, file: IO[bytes], first: int, last: int, all_finite: bool) -> bool | None:
     """Whether the normals of vertices first .. last - 1 are unit; None if one has no direction, or is nowhere and `all_finite` is asked for."""
     unit = True
     for _, rows in vertex.read(file, first, last):
@@ -223,7 +170,7 @@ def _normals(vertex: _Table, file: IO[bytes], first: int, last: int, all_finite:
     return unit
 
 
-def _vertices(vertex: _Table, file: IO[bytes], corners: Array, names: Iterable[str] | None = None) -> tuple[Columns, Array]:
+def _vertices(vertex: Table, file: IO[bytes], corners: Array, names: Iterable[str] | None = None) -> tuple[Columns, Array]:
     """The columns (all, or those named) of the vertices that the triangles (k, 3) have, and the triangles' corners (3 k,) among them; what is out of
     range is -1."""
     fields = {name: vertex.fields[name] for name in names or vertex.fields}

@@ -41,8 +41,8 @@ class Measures:
         atvr: Vertices transformed per vertex, by GPU model (`batch.MODELS`). Best 1, worst about 6.
         overdraw: Shaded over covered pixels, mean over 32 views, back faces as the materials have them. Best 1. None if there is nothing to see.
         worst_overdraw: Of the worst view.
-        overfetch: Bytes of vertices read over their size, through 128 KiB of cache. Best about 1.
-        edge_span: How far the two ends of an edge are apart in the vertex buffer, geometric mean. Best just above 1.
+        overfetch: Bytes of vertices read over their size, through 128 KiB of cache. Best about 1. None if it was not measured.
+        edge_span: How far the two ends of an edge are apart in the vertex buffer, geometric mean. Best just above 1. None likewise.
     """
 
     triangles: int
@@ -51,8 +51,8 @@ class Measures:
     atvr: dict[str, float] = field(default_factory=dict)
     overdraw: float | None = None
     worst_overdraw: float | None = None
-    overfetch: float = 1.0
-    edge_span: float = 1.0
+    overfetch: float | None = 1.0
+    edge_span: float | None = 1.0
 
     def as_dict(self) -> dict[str, Any]:
         """Plain numbers, for JSON."""

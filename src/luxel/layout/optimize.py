@@ -28,6 +28,7 @@ from luxel.layout.checks import checked_cache, checked_triangles
 from luxel.layout.fetch import renumber
 from luxel.layout.measure import Draw, Measures, measure
 from luxel.layout.occlusion import sort_clusters
+from luxel.layout.partition import Crew
 from luxel.layout.reorder import ORDERS, order
 from luxel.scene.mesh import Mesh
 from luxel.scene.scene import Scene
@@ -56,6 +57,7 @@ class Options:
     threads: int | None = None
     seconds: float | None = None
     more: dict[str, Any] = field(default_factory=dict)
+    crew: Crew | None = None
 
     def __post_init__(self) -> None:
         if self.order not in ORDERS:
@@ -228,7 +230,7 @@ def _ordered(faces: Array, vertices: int, options: Options, report: Report, posi
         if len(wrong):
             raise InputError(f"positions: expected finite numbers, got {points[wrong[0]].tolist()} at vertex {used[wrong[0]]}")
     found = order(local, len(used), options.order, options.cache, options.policy, options.profile, points,
-                  threads=options.threads, seconds=options.seconds, progress=told, **options.more)  # fmt: skip
+                  threads=options.threads, seconds=options.seconds, progress=told, crew=options.crew, **options.more)  # fmt: skip
     report.orders.append(found.order)
     report.lap("order", start)
     triangles, source = found.triangles, found.source

@@ -8,7 +8,7 @@ same for any number of threads. A part is grown when some thread has nothing to 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -143,18 +143,38 @@ class Regions:
         return self._members[k * self.size : (k + 1) * self.size].view(np.int32)
 
 
-def in_parts(regions: Regions, threads: int, work: Callable[[Array, int], Array], progress: Callable[[int, int], None] | None = None) -> Array:
-    """(m,) int32: the order that `work(faces, vertex_count)` gives each part, part after part.
+Work = Callable[[Array, int], Array]
+"""Takes a part's triangles with vertices of their own, and their number, and returns the order of the triangles."""
+Crew = Callable[[Work, Iterable[tuple[Array, int]]], Iterator[Array]]
+"""Does the work of all parts, in turn, wherever it likes; the work can be pickled."""
+
+
+def in_parts(regions: Regions, threads: int, work: Work, progress: Callable[[int, int], None] | None = None, crew: Crew | None = None) -> Array:
+    """(m,) int32: the order that `work` gives each part, part after part.
 
     Args:
         regions: The parts.
         threads: Parts are ordered by that many threads.
-        work: Takes a part's triangles with vertices of their own, and their number, and returns the order of the triangles.
+        work: Orders a part.
         progress: Called with the triangles done and their number after each part, one call at a time.
+        crew: Orders the parts, in place of threads.
     """
     m, size = len(regions.faces), regions.size
     source = np.empty(m, np.int32)
     lock, done, todo = threading.Lock(), [0], iter(range(regions.count))
+
+    def tell(triangles: int) -> None:
+        with lock:
+            done[0] += triangles
+            if progress:
+                progress(done[0], m)
+
+    if crew is not None:
+        number = np.zeros(regions.vertex_count, np.uint32)
+        for k, order in enumerate(crew(work, (_alone(regions, k, number) for k in range(regions.count)))):
+            source[k * size : k * size + len(order)] = regions.members(k)[order]
+            tell(len(order))
+        return source
 
     def worker(_queue: Any) -> None:
         number = np.zeros(regions.vertex_count, np.uint32)
@@ -164,14 +184,16 @@ def in_parts(regions: Regions, threads: int, work: Callable[[Array, int], Array]
             if k is None:
                 return
             mine = regions.members(k)
-            inside = np.empty((len(mine), 3), np.int32)
-            arrays = (array.reshape(-1).view(np.uint32) for array in (regions.faces, mine))
-            count = int(_compact(*arrays, number, inside.reshape(-1).view(np.uint32), np.empty(3 * len(mine), np.uint32)))
-            source[k * size : k * size + len(mine)] = mine[work(inside, count)]
-            with lock:
-                done[0] += len(mine)
-                if progress:
-                    progress(done[0], m)
+            source[k * size : k * size + len(mine)] = mine[work(*_alone(regions, k, number))]
+            tell(len(mine))
 
     jit.run(worker, min(threads, regions.count))
     return source
+
+
+def _alone(regions: Regions, k: int, number: Array) -> tuple[Array, int]:
+    """Part k with vertices of its own, and how many; `number` (n,) holds 0, and again at the end."""
+    mine = regions.members(k)
+    inside = np.empty((len(mine), 3), np.int32)
+    arrays = (array.reshape(-1).view(np.uint32) for array in (regions.faces, mine))
+    return inside, int(_compact(*arrays, number, inside.reshape(-1).view(np.uint32), np.empty(3 * len(mine), np.uint32)))

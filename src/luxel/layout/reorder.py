@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from luxel.layout.forsyth import forsyth
 from luxel.layout.gather import gather
 from luxel.layout.greedy import cost_table, greedy
 from luxel.layout.lookahead import DEPTH, SEARCH_WEIGHTS, WIDTH, look_ahead
-from luxel.layout.partition import Regions, in_parts, part_size
+from luxel.layout.partition import Crew, Regions, Work, in_parts, part_size
 from luxel.layout.patches import patches
 from luxel.layout.risk import risk_table
 from luxel.layout.seams import join
@@ -71,6 +72,7 @@ class _Job:
     depth: int = DEPTH
     threads: int = 1
     progress: Callable[[int, int], None] | None = None
+    crew: Crew | None = None
     _rows: Adjacency | None = None
     _regions: Regions | None = None
 
@@ -104,21 +106,21 @@ class _Job:
         missed = batch.misses(triangles, self.model, self.vertices) if self.model else misses(triangles, self.cache, self.policy, self.vertices)
         return int(missed.sum(dtype=np.int64)) / len(triangles)
 
-    def in_parts(self, work: Callable[[Array, int], Array]) -> Array:
+    def in_parts(self, work: Work) -> Array:
         """The order that `work` gives the mesh, or part after part of a large one."""
         size = part_size(len(self.faces))
         if size >= len(self.faces):
             return work(self.faces, self.vertices)
         if self._regions is None:
             self._regions = Regions(self.faces, self.rows, size)
-        source = in_parts(self._regions, self.threads, work, self.progress)
+        source = in_parts(self._regions, self.threads, work, self.progress, self.crew)
         join(self.faces, source, size, self.modelled, cost_table("greedy", None, self.modelled))
         return source
 
 
 def _greedy(job: _Job, name: str, fit: str = "fifo") -> Array:
     costs = cost_table(name, job.weights, job.modelled, fit)
-    return job.in_parts(lambda faces, vertices: greedy(faces, vertices, job.modelled, costs))
+    return job.in_parts(partial(greedy, cache=job.modelled, costs=costs))
 
 
 def _patches(job: _Job) -> Array:
@@ -129,12 +131,13 @@ def _patches(job: _Job) -> Array:
 def _look_ahead(job: _Job) -> Array:
     k = job.modelled
     costs, others, risk = cost_table("lin-yu", SEARCH_WEIGHTS, k), cost_table("greedy", None, k), risk_table(k)
+    if part_size(len(job.faces)) >= len(job.faces):
+        return look_ahead(job.faces, job.rows, k, job.width, job.depth, costs, others, risk)
+    return job.in_parts(partial(_look_ahead_part, k, job.width, job.depth, costs, others, risk))
 
-    def work(faces: Array, vertices: int) -> Array:
-        rows = job.rows if faces is job.faces else adjacency(faces, vertices)
-        return look_ahead(faces, rows, k, job.width, job.depth, costs, others, risk)
 
-    return job.in_parts(work)
+def _look_ahead_part(cache: int, width: int, depth: int, costs: Array, others: Array, risk: Array, faces: Array, vertices: int) -> Array:
+    return look_ahead(faces, adjacency(faces, vertices), cache, width, depth, costs, others, risk)
 
 
 _MADE: dict[str, Callable[[_Job], Array]] = {
@@ -159,7 +162,7 @@ PER_WIDTH = 3.5
 def order(triangles: object, vertex_count: int | None = None, order: str = "auto", cache: int = 12, policy: str = "fifo",
           profile: str | batch.Model | None = None, positions: object = None, weights: Sequence[float] | None = None, width: int | None = None,
           depth: int | None = None, threads: int | None = None, seconds: float | None = None,
-          progress: Callable[[int, int], None] | None = None) -> Ordered:  # fmt: skip
+          progress: Callable[[int, int], None] | None = None, crew: Crew | None = None) -> Ordered:  # fmt: skip
     """Reorder the triangles of a mesh for the cache of transformed vertices.
 
     Args:
@@ -179,6 +182,7 @@ def order(triangles: object, vertex_count: int | None = None, order: str = "auto
         seconds: About how long "auto" may take on this machine: it widens look-ahead as far as the time of the greedy pass lets it hope. None:
             it takes `width`; a core does about 0.5 million triangles a second at 4.
         progress: Called with the triangles done and their number, after each part of a large mesh.
+        crew: What orders those parts in place of threads: see `luxel.layout.partition`.
 
     Returns:
         A permutation: every triangle once, in its winding.
@@ -196,7 +200,7 @@ def order(triangles: object, vertex_count: int | None = None, order: str = "auto
     job = _Job(
         faces, n, positions, checked_cache(model.cache if model else cache), policy, model, checked_weights(weights),
         whole(width, "width", 1) if width is not None else WIDTH, whole(depth, "depth", 1) if depth is not None else DEPTH,
-        jit.checked_threads(threads), progress,
+        jit.checked_threads(threads), progress, crew,
     )  # fmt: skip
     if order == "auto":
         return _auto(job, None if seconds is None else positive(seconds, "seconds"))
