@@ -18,7 +18,10 @@ from typing import Any
 
 _AGAIN = ("luxel.raster.", "luxel.radiosity.", "luxel.cuda.threads")
 _PLAIN = ("luxel.raster.lanes", "luxel.raster.rows")  # in vector instructions, and undecorated for a Numba that is switched off
-_SINGLE = types.SimpleNamespace(FRAGMENTS=1, PITCH=1)
+_SINGLE = {
+    "luxel.raster.batch": types.SimpleNamespace(FRAGMENTS=1, PITCH=1),
+    "luxel.radiosity.batch": types.SimpleNamespace(RAYS=1, ELEMENTS=1),
+}
 
 
 class Again:
@@ -32,7 +35,7 @@ class Again:
 
     def __init__(self, machine: str, stands_for: Mapping[str, Any], decorate: Callable[..., Any]) -> None:
         self._machine = machine
-        self._modules: dict[str, Any] = {"luxel.raster.batch": _SINGLE, **stands_for}
+        self._modules: dict[str, Any] = {**_SINGLE, **stands_for}
         self._decorate = decorate
         self._builtins = {**vars(builtins), "__import__": self._import}
 
@@ -55,7 +58,7 @@ class Again:
     def _import(self, name: str, globals: Any = None, locals: Any = None, fromlist: Any = (), level: int = 0) -> Any:
         found = self._found(name)
         if found is None:
-            if name in ("luxel", "luxel.raster") and fromlist:  # from luxel import jit
+            if name in ("luxel", "luxel.raster", "luxel.radiosity") and fromlist:  # from luxel import jit
                 parts = {item: f"{name}.{item}" for item in fromlist}
                 return types.SimpleNamespace(**{item: self._found(part) or importlib.import_module(part) for item, part in parts.items()})
             return importlib.__import__(name, globals, locals, fromlist, level)

@@ -188,7 +188,7 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
         ExtraMissingError: The scene needs texture coordinates and xatlas is not installed.
     """
     settings = _quality(quality, tolerance)
-    labour = _labour(threads, comm)
+    labour = labour_of(threads, comm)
     progress = progress if labour.team.leads else None
     clock = Clock()
     lamps, atlas = labour.once(lambda: _laid_out(scene, sky, settings, density, page, labour, clock))
@@ -217,6 +217,7 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
     key = saving.fingerprint(prepared.geometry, prepared.luxels, problem.exitance, still, settings) if keeps else ""
     if checkpoint and resume:
         state = labour.once(lambda: saving.load(Path(checkpoint), key, state) or state)
+    state = labour.state(problem, state)
     deadline = time.monotonic() + seconds if seconds is not None else None
     steps = [light_steps(problem, state, light_rows, labour)]
     if settings.seen:
@@ -247,7 +248,7 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
     return baked
 
 
-def _labour(threads: int | None, comm: Comm | None) -> Labour:
+def labour_of(threads: int | None, comm: Comm | None) -> Labour:
     """Who does the heavy work."""
     if comm is None or comm.size == 1:
         return Labour(jit.checked_threads(threads))
@@ -270,7 +271,8 @@ def _room(problem: Problem, elements_shoot: bool, rays: int, keep: bool, labour:
     if keep and wanted > _MOST_KEPT:
         raise InputError(f"transport: {wanted / 1e9:.1f} GB for {lights} lights and {n} luxels, at most {_MOST_KEPT / 1e9:.0f} GB: bake coarser")
     own = problem.own.numbers.shape[1]
-    return Rows(patches, own, 0 if elements_shoot else labour.team.size * _ROW_BYTES // (2 * n)), Rows(lights, own, lights if keep else 0)
+    kept = 0 if elements_shoot else labour.team.size * _ROW_BYTES // (2 * n)
+    return Rows(patches, own, kept, labour.empty), Rows(lights, own, lights if keep else 0, labour.empty)
 
 
 def _layers(prepared: _Prepared, kept: Transport | None, lamps: Lamps, sight: Callable[[], Sight], labour: Labour) -> dict[str, Array]:

@@ -15,7 +15,7 @@ and may keep what only they use (`Sight.hits`, the rows) where it likes.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -27,6 +27,9 @@ from luxel.radiosity.hemicube import ItemBuffers, see
 from luxel.radiosity.patches import Tree
 from luxel.radiosity.sky import shine_sky
 from luxel.radiosity.transport import BLOCK, Elements, Occluders, Shooters, Visibility, escapes, fill_rows, receive
+
+if TYPE_CHECKING:
+    from luxel.radiosity.solve import Problem, State
 
 T = TypeVar("T")
 
@@ -84,6 +87,18 @@ class Labour:
     def each(self, n: int, work: Callable[[Any], Array]) -> Array:
         """(..., n), the same everywhere: of `work(which)`, (..., k) for an index of k of n items."""
         return self.join(work(self.mine(n)), n)
+
+    def state(self, problem: Problem, state: State) -> State:
+        """The state of a solve, kept where this works on it."""
+        return state
+
+    def empty(self, shape: tuple[int, ...], dtype: Any) -> Any:
+        """An array for what only this works on."""
+        return np.empty(shape, dtype)
+
+    def fetch(self, kept: Any) -> Array:
+        """Such an array, or `Sight.hits`, as NumPy's."""
+        return np.asarray(kept)
 
     def see(self, occluders: Occluders, who: Shooters, resolution: int, near: float) -> Drawn:
         """What shooters see; `resolution` and `near` as in `hemicube.see`."""

@@ -194,8 +194,8 @@ def transport_of(cut: Cut, lights: Rows, hits: Array, still: Array, luxels: Luxe
     if problem.lights is not None:
         points = problem.point_luxel, problem.lights.numbers[AREA].astype(np.float64), patch_starts(problem.lights.tree)
     slot, n = lights.slot, len(area)
-    whole = labour.team.collect(hits, n)
-    rows = labour.team.collect(lights.rows[slot].T, n)
+    whole = labour.team.collect(labour.fetch(hits), n)
+    rows = labour.team.collect(labour.fetch(lights.rows)[slot].T, n)
     touched = labour.team.collect(lights.touched[slot].T, -(-n // BLOCK), grain=1)
     if whole is None or rows is None or touched is None:
         return None

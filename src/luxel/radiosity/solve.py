@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -30,7 +30,7 @@ _BATCH = 128
 _SHARE = 16  # of the patches, at most, shoot at a time: the brightest are known anew after each batch
 _MOST_GROUPS = 512
 _HERE = 5.0
-_SCALES = 0.5, 2.0  # of what elements pass on: beyond, there are too few rays to tell
+SCALES = 0.5, 2.0  # of what elements pass on: beyond, there are too few rays to tell
 _ROUNDING = 1e-6
 _SCALE_RANGE = 0.25, 4.0
 """A row's sum is put right by no more than this; what is left over counts as escaped."""
@@ -110,6 +110,39 @@ class State:
     shots: int = 0
     ledger: list[Step] = field(default_factory=list)
 
+    @property
+    def left(self) -> Array:
+        """(3,) float64: what elements have to shoot, W."""
+        return np.asarray(self.power.sum(0))
+
+    @property
+    def left_here(self) -> float:
+        """How much elements have to shoot, on the average, as a share of what they have received."""
+        unshot, received = self.unshot.sum(0), self.received.sum(0)
+        return float(np.divide(unshot, received, out=np.zeros_like(unshot), where=received > 0).mean(dtype=np.float64))
+
+    def take_in(self, problem: Problem, gained: Array, threads: int, from_lights: bool = False) -> None:
+        """Add what elements have gained, (3, n) float32 W/m2, to what they have received and will shoot."""
+        tree, absorbed = problem.patches.tree, np.empty_like(self.power)
+        area = problem.elements.numbers[AREA]
+        jit.run(_absorb, threads, gained, problem.albedo, area, patch_starts(tree), self.received, self.unshot, self.power, absorbed)
+        self.absorbed = self.absorbed + absorbed.sum(0)
+        if from_lights:
+            self.direct += gained
+
+    def forget(self, problem: Problem, chosen: Array) -> None:
+        """The elements of the chosen patches have shot."""
+        starts = patch_starts(problem.patches.tree)
+        for p in chosen:
+            self.unshot[:, starts[p] : starts[p + 1]] = 0
+
+    def pass_on(self, problem: Problem, sight: Sight, labour: Labour) -> None:
+        """Let all elements shoot at once what they have to shoot, through what they see."""
+        gained, away = pass_on(sight, np.ascontiguousarray(self.unshot.T), problem.elements.numbers[AREA], labour)
+        self.escaped = self.escaped + away
+        self.unshot[:] = 0
+        self.take_in(problem, gained, labour.threads)
+
 
 class Rows:
     """Where rows of transport are kept: so many, in the order in which they are first wanted; the rest are computed each time.
@@ -122,9 +155,10 @@ class Rows:
         lost: (slots,) float64: share of the shooter's light that reaches nothing.
     """
 
-    def __init__(self, patches: int, elements: int, kept: int) -> None:
+    def __init__(self, patches: int, elements: int, kept: int, empty: Callable[..., Any] = np.empty) -> None:
+        """`empty(shape, dtype)` makes the array of rows."""
         self.kept = min(patches, kept)
-        self.rows = np.empty((self.kept + _BATCH, elements), np.uint16)
+        self.rows = empty((self.kept + _BATCH, elements), np.uint16)
         self.touched = np.zeros((len(self.rows), -(-elements // BLOCK)), np.bool_)
         self.slot = np.full(patches, -1, np.int64)
         self.scale, self.lost = np.ones(len(self.rows)), np.zeros(len(self.rows))
@@ -184,8 +218,7 @@ def start(problem: Problem, irradiance: Array | None = None, threads: int = 1) -
         0 if problem.lights is None else len(problem.lights.tree.patches), emitted,
     )  # fmt: skip
     if irradiance is not None:
-        _take_in(state, problem, irradiance, threads)
-        state.direct += irradiance
+        state.take_in(problem, irradiance, threads, from_lights=True)
         state.emitted += irradiance.astype(np.float64) @ area
     return state
 
@@ -207,14 +240,6 @@ def _absorb(queue, gained, albedo, area, starts, received, unshot, power, absorb
             power[p, channel] = shot
             absorbed[p, channel] = kept
         p = jit.take(queue)
-
-
-def _take_in(state: State, problem: Problem, gained: Array, threads: int) -> None:
-    tree = problem.patches.tree
-    absorbed = np.empty_like(state.power)
-    area = problem.elements.numbers[AREA]
-    jit.run(_absorb, threads, gained, problem.albedo, area, patch_starts(tree), state.received, state.unshot, state.power, absorbed)
-    state.absorbed = state.absorbed + absorbed.sum(0)
 
 
 def fill(problem: Problem, source: Source, chosen: Array, rows: Rows, labour: Labour) -> Array:
@@ -268,15 +293,14 @@ def light_steps(problem: Problem, state: State, rows: Rows, labour: Labour) -> I
         gained, lost = _shoot(problem, lights, chosen, rows, radiosity, labour)
         state.escaped = state.escaped + lost
         state.lights_left -= len(chosen)
-        state.direct += gained
-        _take_in(state, problem, gained, labour.threads)
+        state.take_in(problem, gained, labour.threads, from_lights=True)
         _write(state, problem, len(chosen))
         yield state
 
 
 def patch_steps(problem: Problem, state: State, rows: Rows, tolerance: float, labour: Labour) -> Iterator[State]:
     """Let the brightest patches shoot until what is unshot is below `tolerance` of what was emitted; yields the state after each batch."""
-    tree, starts = problem.patches.tree, patch_starts(problem.patches.tree)
+    tree = problem.patches.tree
     while labour.once(lambda: _much(state, tolerance)):
         total = state.power.sum(1)
         chosen = np.sort(np.argsort(-total, kind="stable")[: max(1, min(_BATCH, len(total) // _SHARE))])
@@ -284,9 +308,8 @@ def patch_steps(problem: Problem, state: State, rows: Rows, tolerance: float, la
         radiosity = state.power[chosen] / (tree.place[tree.patches[chosen], 7].astype(np.float64))[:, None]
         gained, lost = _shoot(problem, problem.patches, chosen, rows, radiosity, labour)
         state.escaped = state.escaped + lost
-        for p in chosen:
-            state.unshot[:, starts[p] : starts[p + 1]] = 0
-        _take_in(state, problem, gained, labour.threads)
+        state.forget(problem, chosen)
+        state.take_in(problem, gained, labour.threads)
         _write(state, problem, len(chosen))
         yield state
 
@@ -302,11 +325,17 @@ def pass_on(sight: Sight, light: Array, area: Array, labour: Labour) -> tuple[Ar
         light: (n, 3) float32 radiosity, W/m2; `area` (n,) float32, m2.
     """
     irradiance = labour.join(labour.mean(sight, light), len(light))
-    sent = light.T.astype(np.float64)
-    wanted, got = sent @ area - sent @ sight.away, irradiance.astype(np.float64) @ area
-    scale = np.clip(np.divide(wanted, got, out=np.ones(3), where=got > 0), *_SCALES)
+    light = light.T.astype(np.float64)
+    sent = light @ area
+    scale, away = balance(sent, sent - light @ sight.away, irradiance.astype(np.float64) @ area)
     irradiance *= scale[:, None].astype(np.float32)
-    return irradiance, sent @ area - np.where(np.abs(scale * got - wanted) <= _ROUNDING * wanted, wanted, scale * got)
+    return irradiance, away
+
+
+def balance(sent: Array, wanted: Array, got: Array) -> tuple[Array, Array]:
+    """What what is gathered is to be multiplied by, (3,) float64, and what goes away, of the watts that are sent, should arrive, and do."""
+    scale = np.clip(np.divide(wanted, got, out=np.ones(3), where=got > 0), *SCALES)
+    return scale, sent - np.where(np.abs(scale * got - wanted) <= _ROUNDING * wanted, wanted, scale * got)
 
 
 def element_steps(problem: Problem, state: State, sight: Callable[[], Sight], tolerance: float, labour: Labour) -> Iterator[State]:
@@ -315,24 +344,15 @@ def element_steps(problem: Problem, state: State, sight: Callable[[], Sight], to
     Until what is unshot is below `tolerance` of what was emitted, and little of what a luxel has received, on the average: under a sky little of all
     the light is much of what comes through a window.
     """
-    while labour.once(lambda: _much(state, tolerance) or _much_here(state, _HERE * tolerance)):
-        gained, away = pass_on(sight(), np.ascontiguousarray(state.unshot.T), problem.elements.numbers[AREA], labour)
-        state.escaped = state.escaped + away
-        state.unshot[:] = 0
-        _take_in(state, problem, gained, labour.threads)
+    while labour.once(lambda: _much(state, tolerance) or state.left_here > _HERE * tolerance):
+        state.pass_on(problem, sight(), labour)
         _write(state, problem, 0)
         yield state
 
 
 def _much(state: State, tolerance: float) -> bool:
     """Whether there is still light to shoot."""
-    return bool(state.power.sum() > tolerance * state.emitted.sum())
-
-
-def _much_here(state: State, tolerance: float) -> bool:
-    """Whether elements have, on the average, more to shoot than this share of what they have received."""
-    unshot, received = state.unshot.sum(0), state.received.sum(0)
-    return bool(np.divide(unshot, received, out=np.zeros_like(unshot), where=received > 0).mean(dtype=np.float64) > tolerance)
+    return bool(state.left.sum() > tolerance * state.emitted.sum())
 
 
 def _write(state: State, problem: Problem, shots: int) -> None:
@@ -342,11 +362,11 @@ def _write(state: State, problem: Problem, shots: int) -> None:
     if state.lights_left and lights is not None:
         rest = lights.tree.span[lights.tree.patches[-state.lights_left :], 0].min()
         left = problem.exitance[rest:].T.astype(np.float64) @ lights.numbers[AREA, rest:].astype(np.float64)
-    state.ledger.append(Step(state.shots, state.emitted.copy(), state.absorbed.copy(), state.escaped.copy(), state.power.sum(0) + left))
+    state.ledger.append(Step(state.shots, state.emitted.copy(), state.absorbed.copy(), state.escaped.copy(), state.left + left))
 
 
 def ambient(problem: Problem, state: State) -> Array:
     """(3,) float64 W/m2: the irradiance that all the unshot light would make if it spread evenly (Cohen et al. 1988, eq. 12)."""
     area = problem.elements.numbers[AREA].astype(np.float64)
     mean = (problem.albedo.astype(np.float64) @ area) / area.sum()
-    return state.power.sum(0) / area.sum() / (1.0 - np.minimum(mean, 0.99))
+    return state.left / area.sum() / (1.0 - np.minimum(mean, 0.99))

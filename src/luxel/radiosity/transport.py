@@ -190,10 +190,10 @@ def node_factor(root, x, y, z, nx, ny, nz, span, child, place, source, stack, co
 # Scratch of a thread, rows of ELEMENTS numbers in one array, so that the compiler knows that they do not overlap and uses vector registers.
 # Of each element: place, shading normal, surface normal, as in `Elements.numbers`.
 # Of each element under one shooter: squared distance; form factor if far; 1 if it faces the shooter and is in front of it (int32);
-_R2, _FACTOR, _FACES = (np.uint64(ELEMENTS * row) for row in range(9, 12))
+_R2, _FACTOR, IN_FRONT = (np.uint64(ELEMENTS * row) for row in range(9, 12))
 # the upper left of the four pixels about it (int32) and how far between them it lies; the depth up to which these see it: at that pixel, what it
 # gains to the right and downwards, and its least.
-_AT, _WX, _WY, _LIMIT, _LIMIT_X, _LIMIT_Y, _LEAST = (np.uint64(ELEMENTS * row) for row in range(12, 19))
+CORNER, _WX, _WY, _LIMIT, _LIMIT_X, _LIMIT_Y, _LEAST = (np.uint64(ELEMENTS * row) for row in range(12, 19))
 SCRATCH = 19 * ELEMENTS
 _ROW = tuple(np.uint64(ELEMENTS * row) for row in range(9))
 _X, _Y, _Z, _NX, _NY, _NZ, _GX, _GY, _GZ = _ROW
@@ -232,12 +232,12 @@ def aim(count, center, frame, place, resolution, near, c):
         px, py = right * near_by * scale + scale - half, scale - half - up * near_by * scale
         ix, iy = min(max(np.floor(px), zero), last), min(max(np.floor(py), zero), last if top else last_low)
         c[_WX + i], c[_WY + i] = min(max(px - ix, zero), one), min(max(py - iy, zero), one)
-        c[_AT + i] = bits_float(_I(_I(_I(face * size) + _I(iy)) * size) + _I(ix))
+        c[CORNER + i] = bits_float(_I(_I(_I(face * size) + _I(iy)) * size) + _I(ix))
         over = limit / plane
         c[_LIMIT + i] = -(fr * ((ix + half) * step - one) + fu * (one - (iy + half) * step) + fa) * over
         c[_LIMIT_X + i], c[_LIMIT_Y + i], c[_LEAST + i] = -fr * step * over, fu * step * over, limit * near_by
         above = (cos_s > zero) & (cos_s * cos_s > _FLUSH * square) & (lz > zero)
-        c[_FACES + i] = bits_float(_I(1) if (cos_r > zero) & (plane > zero) & above else _I(0))
+        c[IN_FRONT + i] = bits_float(_I(1) if (cos_r > zero) & (plane > zero) & above else _I(0))
 
 
 @jit.inlined
@@ -348,10 +348,10 @@ def _fill_rows(queue, numbers, bounds, span, child, place, source, nodes, center
             found = np.uint64(0)
             for i in range(np.uint64(0), np.uint64(count)):
                 listed[found] = i
-                found += np.uint64(float_bits(c[_FACES + i]))
+                found += np.uint64(float_bits(c[IN_FRONT + i]))
             for k in range(np.uint64(0), found):
                 i = listed[k]
-                at = np.uint64(start[s]) + np.uint64(float_bits(c[_AT + i]))
+                at = np.uint64(start[s]) + np.uint64(float_bits(c[CORNER + i]))
                 j = np.uint64(first) + i
                 half = share_of(i, j, at, node, resolution, center, near, c, tree, source, seen, masked, scene, rays, always, numbers, stack, corners)
                 row[j] = half

@@ -1,0 +1,107 @@
+"""Look: what the elements of a bake see, by rays, and the light that comes along them, as `luxel.radiosity.gather`, `sky` and `direct`.
+
+One thread a ray. The threads of a warp are neighbouring elements that look the same way, so they walk the hierarchy together. A packet of one ray is
+a handful of registers; what a processor's packet of sixteen decides together (which child to enter first) a thread decides for its own.
+
+What rays meet lies ray by ray, `hits` (n, rays) in columns: neighbouring threads write, and later read, neighbouring words.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from luxel.arrays import Array
+from luxel.jit import part
+from luxel.radiosity.direct import shine_on
+from luxel.radiosity.element import AREA, FREE, SPOTS, free_spot
+from luxel.radiosity.gather import Lookup, lost_and_gone, mean_light, met_by, start_ray
+from luxel.radiosity.occlusion import Occlusion
+from luxel.radiosity.packet import SCRATCH, STACK, meet_all
+from luxel.radiosity.sky import TOGETHER, classify, light_of
+
+__all__ = ["SCRATCH", "STACK", "TOGETHER", "Eyes", "Sky", "count_away", "find_cells", "gather_mean", "look", "shine", "sky_light"]
+
+_FIRST = np.uint64(0)
+
+
+class Eyes(NamedTuple):
+    """Who looks, and at what; see `luxel.radiosity.gather.View`.
+
+    Attributes:
+        scene: All that hides.
+        numbers: (17, n) float32, of `Elements`.
+        frames: (n, 3, 3) float32: of each element, rows right, up, normal.
+        lookup: Which element lies where.
+        reach: float32, metres.
+    """
+
+    scene: Occlusion
+    numbers: Array
+    frames: Array
+    lookup: Lookup
+    reach: np.float32
+
+
+class Sky(NamedTuple):
+    """An even sky, and what groups of `TOGETHER` elements see of it; see `luxel.radiosity.sky`.
+
+    Attributes:
+        cell: (rays, 2) int32: of each ray.
+        coarse, fine: (h, w, 3) float32 W/(m2 sr): for whole cells and for parts of them.
+        seen, kind: (groups, wide, high) int32: how many of a group see the sky in a cell, and what it is to them.
+        some: (groups,) bool: any cell is not dark.
+    """
+
+    cell: Array
+    coarse: Array
+    fine: Array
+    seen: Array
+    kind: Array
+    some: Array
+
+
+@part
+def look(k, number, eyes, first, directions, hits, c, stack):
+    """hits[k, number]: what element first + k meets along `directions` (rays, 3) of its frame. `c` (SCRATCH,) float32, `stack` (STACK,) int32."""
+    i = first + k
+    spot = free_spot(np.int64(eyes.numbers[FREE, i]), number % SPOTS)
+    start_ray(eyes.numbers, eyes.frames[i], directions[number], i, spot, eyes.reach, _FIRST, c)
+    meet_all(eyes.scene, c, stack)
+    hits[k, number] = met_by(_FIRST, i, eyes.scene, eyes.numbers, eyes.lookup, c)
+
+
+@part
+def count_away(k, numbers, first, hits, away):
+    """away[first + k] float64: the area of an element times the share of its rays that meet nothing or a back, m2."""
+    lost, gone = lost_and_gone(hits, k)
+    away[first + k] = np.float64(numbers[AREA, first + k]) * gone / max(hits.shape[1] - lost, 1)
+
+
+@part
+def gather_mean(k, first, hits, light, result):
+    """result[:, first + k]: the mean of `light` (3 + n, 4) over what the rays of an element meet."""
+    result[0, first + k], result[1, first + k], result[2, first + k] = mean_light(hits, np.uint64(k), light)
+
+
+@part
+def find_cells(g, hits, sky):
+    """What the cells of the sky are to group `g`."""
+    wide, high = sky.kind.shape[1], sky.kind.shape[2]
+    first, last = g * TOGETHER, min(len(hits), (g + 1) * TOGETHER)
+    sky.some[g] = classify(hits, sky.cell, first, last, wide, high, sky.seen[g], sky.kind[g])
+
+
+@part
+def sky_light(i, eyes, sky, result, local, c, stack):
+    """result[:, i]: the light of the sky on element `i`, W/m2. `local` (3,) float64 is scratch."""
+    g, s = i // TOGETHER, eyes.scene
+    red, green, blue = light_of(i, sky.some[g], sky.kind[g], s, eyes.numbers, eyes.frames[i], eyes.reach, sky.coarse, sky.fine, local, c, stack)
+    result[0, i], result[1, i], result[2, i] = np.float32(red), np.float32(green), np.float32(blue)
+
+
+@part
+def shine(i, scene, numbers, table, at, reach, result):
+    """result[:, i] += what the lights of a table give to element `i`, W/m2."""
+    shine_on(i, scene, numbers, table, at, reach, result)
