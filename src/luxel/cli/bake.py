@@ -18,6 +18,7 @@ from luxel.errors import FileError, InputError
 
 if TYPE_CHECKING:
     from luxel.arrays import Array
+    from luxel.cluster.comm import Comm
     from luxel.radiosity.bake import Baked, Progress
     from luxel.scene import Scene
 
@@ -97,41 +98,49 @@ def bake(
 ) -> None:
     """Light a scene: what its lamps, its glowing surfaces and the sky give, from surface to surface, as a lightmap.
 
-    The result is a scene that shows its light without any computing.
+    The result is a scene that shows its light without any computing. Under mpiexec the ranks share the work, and rank 0 reads and writes.
     """
-    output = output or Path(f"{file.stem}_lit.glb")
-    above = "a number above 0"
-    options: dict[str, Any] = {
-        "quality": values.choice(quality, _QUALITIES, "--quality"),
-        "density": None if density is None else values.number(density, "--density", above, lambda x: x > 0),
-        "page": values.whole(page, "--page", 16, 16384),
-        "tolerance": None if tolerance is None else values.number(tolerance, "--tolerance", "a share between 0 and 1", lambda x: 0 < x <= 1),
-        "seconds": None if seconds_ is None else values.number(seconds_, "--seconds", above, lambda x: x > 0),
-        "threads": None if threads is None else values.whole(threads, "--threads", 1),
-        "checkpoint": checkpoint or output.with_name(f"{output.name}.state"),
-        "resume": resume,
-    }
-    write = _Write(
-        output,
-        values.choice(convention, _CONVENTIONS, "--convention"),
-        values.number(white, "--white", "a radiance above 0", lambda x: x > 0),
-        exr,
-        layers,
-        not no_lights,
-        only_indirect,
-        None if ao is None else values.number(ao, "--ao", "metres above 0", lambda x: x > 0),
-    )
-    if write.convention != "unlit" and white != _WHITE:
-        raise InputError(f"--white: only of --convention unlit, got {white!r} with {write.convention}")
-    console = Console(quiet, as_json)
-    options["sky"] = None if sky is None else _sky(sky)
-    if dry_run:
-        _tell(console, file, options)
-        return
-    if layers:
-        options["layers"] = True
-    _check_targets(write, preview, options)
-    _bake(console, file, write, preview, options)
+    from luxel.cli.ranks import share_work
+    from luxel.cluster.comm import world
+
+    comm = world()
+    with comm.guard():
+        output = output or Path(f"{file.stem}_lit.glb")
+        above = "a number above 0"
+        options: dict[str, Any] = {
+            "quality": values.choice(quality, _QUALITIES, "--quality"),
+            "density": None if density is None else values.number(density, "--density", above, lambda x: x > 0),
+            "page": values.whole(page, "--page", 16, 16384),
+            "tolerance": None if tolerance is None else values.number(tolerance, "--tolerance", "a share between 0 and 1", lambda x: 0 < x <= 1),
+            "seconds": None if seconds_ is None else values.number(seconds_, "--seconds", above, lambda x: x > 0),
+            "threads": None if threads is None else values.whole(threads, "--threads", 1),
+            "checkpoint": checkpoint or output.with_name(f"{output.name}.state"),
+            "resume": resume,
+        }
+        write = _Write(
+            output,
+            values.choice(convention, _CONVENTIONS, "--convention"),
+            values.number(white, "--white", "a radiance above 0", lambda x: x > 0),
+            exr,
+            layers,
+            not no_lights,
+            only_indirect,
+            None if ao is None else values.number(ao, "--ao", "metres above 0", lambda x: x > 0),
+        )
+        if write.convention != "unlit" and white != _WHITE:
+            raise InputError(f"--white: only of --convention unlit, got {white!r} with {write.convention}")
+        console = Console(quiet or comm.rank > 0, as_json and comm.rank == 0)
+        share_work(comm, file=file, sky=sky, write=write, **options)
+        options["sky"] = None if sky is None or comm.rank else _sky(sky)
+        if dry_run:
+            if comm.rank == 0:
+                _tell(console, file, options)
+            return
+        if layers:
+            options["layers"] = True
+        if comm.rank == 0:
+            _check_targets(write, preview, options)
+        _bake(console, comm, file, write, preview, options)
 
 
 @dataclass(frozen=True)
@@ -216,21 +225,24 @@ def _tell(console: Console, file: Path, options: dict[str, Any]) -> None:
     console.result({"file": str(file), **data}, found.text())
 
 
-def _bake(console: Console, file: Path, write: _Write, preview: Path | None, options: dict[str, Any]) -> None:
-    from luxel import load
+def _bake(console: Console, comm: Comm, file: Path, write: _Write, preview: Path | None, options: dict[str, Any]) -> None:
+    from luxel.cli.ranks import shares_of
     from luxel.radiosity.bake import bake
 
     start = time.perf_counter()
-    scene = load(file)
     state: Path = options["checkpoint"]
     if options["resume"] and not state.exists():
         console.note(f"nothing to resume: there is no {state}; the bake starts anew")
     try:
         with console.work("laying out the lightmap") as report:
             watch = _Watch(report, preview, options["tolerance"] or 1e-3, partial(_check_room, write, state))
-            baked = bake(scene, progress=watch, **options)
+            baked = bake(file, progress=watch, comm=comm, **options)
+            shade = _shade(baked, write, comm, options["threads"])
+            ranks = shares_of(comm)
+            if comm.rank:
+                return
             report(1.0, "writing")
-            lit = _lit(baked, write, options["threads"])
+            lit = _lit(baked, write, shade)
             written = _save(lit, baked, write)
             if preview is not None:
                 _draw(lit, preview)
@@ -241,7 +253,7 @@ def _bake(console: Console, file: Path, write: _Write, preview: Path | None, opt
         raise
     if baked.finished:
         state.unlink(missing_ok=True)
-    _say(console, baked, written, state, time.perf_counter() - start)
+    _say(console, baked, written, state, time.perf_counter() - start, ranks)
 
 
 class _Watch:
@@ -271,17 +283,22 @@ def _draw(scene: Scene, path: Path) -> None:
     render(scene, size=_PREVIEW_SIZE, samples=4, background=(0.0, 0.0, 0.0)).save(path)
 
 
-def _lit(baked: Baked, write: _Write, threads: int | None) -> Scene:
+def _shade(baked: Baked, write: _Write, comm: Comm, threads: int | None) -> Array | None:
+    """(n,) float32: each luxel's ambient occlusion, if it is asked for."""
+    if write.occlusion is None:
+        return None
+    from luxel.radiosity.ambient_occlusion import ambient_occlusion
+    from luxel.radiosity.bake import labour_of
+
+    return ambient_occlusion(baked.atlas, baked.luxels, write.occlusion, labour=labour_of(threads, comm))
+
+
+def _lit(baked: Baked, write: _Write, share: Array | None) -> Scene:
     """The scene with what is asked for in its lightmaps."""
     from luxel.radiosity import lightmap
 
     pages = lightmap.finish(baked.atlas, baked.luxels, baked.irradiance - baked.direct, baked.valid)[0] if write.only_indirect else baked.pages
-    shade: Array | None = None
-    if write.occlusion is not None:
-        from luxel.radiosity.ambient_occlusion import ambient_occlusion
-
-        share = ambient_occlusion(baked.atlas, baked.luxels, write.occlusion, threads=threads)
-        shade = lightmap.finish(baked.atlas, baked.luxels, share, baked.valid)[0]
+    shade = None if share is None else lightmap.finish(baked.atlas, baked.luxels, share, baked.valid)[0]
     return lightmap.attach(baked.atlas, pages, shade)
 
 
@@ -298,7 +315,7 @@ def _save(lit: Scene, baked: Baked, write: _Write) -> list[Path]:
     return save_baked(lit, write.output, convention, exr=write.exr, white=write.white, lights=write.lights) + beside
 
 
-def _say(console: Console, baked: Baked, written: list[Path], state: Path, took: float) -> None:
+def _say(console: Console, baked: Baked, written: list[Path], state: Path, took: float, ranks: list[dict[str, float]]) -> None:
     last = baked.ledger[-1] if baked.ledger else None
     unshot, shots = (last.unshot_fraction, last.shots) if last else (0.0, 0)
     (width, height), pages, luxels = baked.atlas.size, baked.atlas.pages, len(baked.luxels.area)
@@ -314,8 +331,10 @@ def _say(console: Console, baked: Baked, written: list[Path], state: Path, took:
         "watts": ledger,
         "mean_irradiance": [float(x) for x in baked.irradiance[baked.valid].mean(0)] if baked.valid.any() else [0.0, 0.0, 0.0],
         "seconds": {**{name: float(value) for name, value in baked.seconds.items()}, "all": took},
+        **({"ranks": ranks} if len(ranks) > 1 else {}),
     }
     if not baked.finished:
         console.note(f"stopped with {unshot:.2%} of the light unshot; the state is kept in {state}, and --resume goes on")
     on = f"a page of {width}x{height}" if pages == 1 else f"{pages} pages of {width}x{height}"
-    console.result(data, f"{written[0]}  ({luxels:,} luxels on {on}, {shots:,} shots, {unshot:.2%} unshot; {seconds(took)})")
+    by = f"{len(ranks)} ranks, " if len(ranks) > 1 else ""
+    console.result(data, f"{written[0]}  ({luxels:,} luxels on {on}, {shots:,} shots, {unshot:.2%} unshot; {by}{seconds(took)})")

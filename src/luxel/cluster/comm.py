@@ -290,7 +290,12 @@ class _Ranks(Comm):
     def end(self, error: BaseException) -> None:
         """Say what went wrong, and stop every rank."""
         world = self._mpi.COMM_WORLD
-        self._witness.end(error, world.Get_rank() == 0, world.Abort)
+
+        def stop(code: int) -> None:
+            world.Abort(code)
+            os._exit(code)  # it may come back, and all is said
+
+        self._witness.end(error, world.Get_rank() == 0, stop)
 
 
 def _bytes(array: Array) -> Array:
