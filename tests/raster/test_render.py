@@ -10,6 +10,7 @@ from luxel.filter.antialias import decimate
 from luxel.io.images import read_image
 from luxel.raster import frame, render
 from luxel.raster.outputs import SHAPES
+from luxel.scene.builtin import bumpy_sphere_scene
 from luxel.scene.builtin.shapes import sphere
 from luxel.scene.colour import bytes_from_linear
 from luxel.scene.transforms import look_at
@@ -350,6 +351,18 @@ def test_seconds_are_told_by_stage():
     seconds = luxel.render(room(1), around(), (70, 70), samples=4, outputs=("color", "depth")).seconds
     assert {"prepare", "project", "clip", "bin", "cover", "shade", "outputs", "blend", "resolve"} <= set(seconds)
     assert all(value >= 0 for value in seconds.values())
+
+
+@pytest.mark.parametrize("options", [{}, {"samples": 4}, {"samples": 8, "filter": "mitchell"}, {"ssaa": 2}, {"samples": 4, "tile": 16, "threads": 2}])
+def test_tiles_covered_and_shaded_at_once_are_those_of_two_passes(options):
+    """Where only colours are wanted, what is visible is never written down."""
+    scene = bumpy_sphere_scene(40)
+    alone = luxel.render(scene, size=(150, 110), outputs=("color", "linear"), **options)
+    beside = luxel.render(scene, size=(150, 110), outputs=("color", "linear", "triangle", "depth"), **options)
+    assert "cover" not in alone.seconds
+    assert "cover" in beside.seconds
+    assert alone.color.tobytes() == beside.color.tobytes()
+    assert alone.linear.tobytes() == beside.linear.tobytes()
 
 
 def test_without_a_camera_the_scene_is_framed():

@@ -59,6 +59,7 @@ class Bins(NamedTuple):
     tile: int
 
 
+_CHUNK = 8192  # triangles: fewer are sorted before a second thread has begun
 # A block of triangles is judged at once. Rows of its scratch: corners; the box of tiles; what is to be done.
 _BLOCK = 64
 _X0, _Y0, _X1, _Y1, _X2, _Y2, _LEFT, _TOP, _RIGHT, _BOTTOM, _KIND = (np.uint64(_BLOCK * row) for row in range(11))
@@ -282,7 +283,7 @@ def bin_triangles(triangles: Array, screen: Array, clipped: Clipped, parts: Part
     """
     across, down = -(-window.width // tile), -(-window.height // tile)
     m, places = len(triangles), len(triangles) + len(clipped.source)
-    chunks = max(1, min(4 * threads if threads > 1 else 1, m // 1024))
+    chunks = max(1, min(4 * threads if threads > 1 else 1, m // _CHUNK))
     kept, boxes = reusable((places,), np.int32), reusable((places, 4), np.int16)
     kept_count, counts = np.zeros(chunks, np.int64), np.zeros((chunks, across * down), np.int32)
     threads = min(threads, chunks)

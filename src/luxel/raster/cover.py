@@ -113,36 +113,41 @@ def draw_batch(n, c, sx, sy, first, tile, depth, ids, counting):
             draw_many(i, c, sx, sy, first, tile, depth, ids, counting)
 
 
+@jit.part
+def cover_tile(number, start, bin_ids, across, tile, width, height, triangles, screen, clipped_screen, pattern, depth, ids, c, counting):
+    """Find what is nearest at each sample of tile `number` of a window, into `depth` and `ids`; `c` (SIZE,) int32 is scratch."""
+    begin, end, samples, pixels = np.int64(start[number]), np.int64(start[number + 1]), len(pattern), tile * tile
+    depth[:] = BEHIND
+    ids[:] = NOTHING if counting is None else 0
+    px, py = (number % across) * tile, (number // across) * tile
+    wide, high = min(tile, width - px), min(tile, height - py)
+    while begin < end:
+        n = min(BATCH, end - begin)
+        load_batch(begin, begin + n, px, py, bin_ids, triangles, screen, clipped_screen, c)
+        set_up_batch(n, c)
+        for s in range(samples):
+            sx, sy = np.int64(pattern[s, 0]), np.int64(pattern[s, 1])
+            place_batch(n, sx, sy, tile, wide, high, c)
+            draw_batch(n, c, sx, sy, s * pixels, tile, depth, ids, counting)
+        begin += n
+
+
 @jit.parallel_kernel
 def _cover(queue, first_tile, last_tile, across, tile, width, height, start, bin_ids, triangles, screen,
            clipped_screen, pattern, clear_all, depths, ids_out, counting):  # fmt: skip
     bin_ids, triangles, screen, clipped_screen = jit.borrow(bin_ids), jit.borrow(triangles), jit.borrow(screen), jit.borrow(clipped_screen)
-    pattern, ids_out = jit.borrow(pattern), jit.borrow(ids_out)
-    samples = len(pattern)
-    pixels = tile * tile
+    start, pattern, ids_out = jit.borrow(start), jit.borrow(pattern), jit.borrow(ids_out)
     keep_depth = len(depths) > 0
-    own_depth, own = np.empty(1 if keep_depth else samples * pixels + LANES, np.float32), np.zeros(SIZE, np.int32)
+    own_depth, own = np.empty(1 if keep_depth else ids_out.shape[1], np.float32), np.zeros(SIZE, np.int32)
     c, all_depths = jit.borrow(own), jit.borrow(depths)
     number = first_tile + jit.take(queue)
     while number < last_tile:
-        begin, end = np.int64(start[number]), np.int64(start[number + 1])
-        if begin < end or clear_all:
+        if start[number] < start[number + 1] or clear_all:
             slot = number - first_tile
-            ids = ids_out[slot]
             depth = all_depths[slot] if keep_depth else jit.borrow(own_depth)
-            depth[:] = BEHIND
-            ids[:] = NOTHING if counting is None else 0
-            px, py = (number % across) * tile, (number // across) * tile
-            wide, high = min(tile, width - px), min(tile, height - py)
-            while begin < end:
-                n = min(BATCH, end - begin)
-                load_batch(begin, begin + n, px, py, bin_ids, triangles, screen, clipped_screen, c)
-                set_up_batch(n, c)
-                for s in range(samples):
-                    sx, sy = np.int64(pattern[s, 0]), np.int64(pattern[s, 1])
-                    place_batch(n, sx, sy, tile, wide, high, c)
-                    draw_batch(n, c, sx, sy, s * pixels, tile, depth, ids, counting)
-                begin += n
+            cover_tile(
+                number, start, bin_ids, across, tile, width, height, triangles, screen, clipped_screen, pattern, depth, ids_out[slot], c, counting,
+            )  # fmt: skip
         number = first_tile + jit.take(queue)
     own[0] = len(own_depth)  # the scratch must live until here: borrowing does not keep it
 

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 
 _WINDOW = MAX_SIZE // 2
 _BAND_BYTES = 96 << 20
+NO_IDS = np.empty((0, 1), np.int32)
 NO_COLOR, NO_LINEAR, NO_SAMPLES = np.empty((0, 0), np.uint32), np.empty((0, 0, 4), np.float32), np.empty((0, 0), np.float32)
 
 
@@ -168,6 +169,11 @@ class Band:
         self.occupied = np.minimum(occupied, 1).astype(np.uint8)
         self.tiles_at_once = max(1, _BAND_BYTES // self._tile_bytes())
 
+    @property
+    def at_once(self) -> bool:
+        """Each tile is covered and shaded at once, as nobody else wants to know what is visible."""
+        return self.colored and not self.keep_depth and self.hardware is None
+
     def _choose(self) -> tuple[int, int]:
         return 0, self.across * self.down
 
@@ -221,8 +227,9 @@ class Band:
         across, reach = self.across, self.apron * (self.across + 1)
         top, bottom = max(0, first_row - self.apron), min(self.down, last_row + self.apron)
         first, last = max(top * across, self.chosen[0] - reach), min(bottom * across, self.chosen[1] + reach)
-        ids, depths = self._visible(first, last)
-        self.clock.lap("cover")
+        ids, depths = (NO_IDS, NO_IDS) if self.at_once else self._visible(first, last)
+        if not self.at_once:
+            self.clock.lap("cover")
         if self.beside:
             self._outputs(first, last, ids, depths)
             self.clock.lap("outputs")
@@ -265,7 +272,8 @@ class Band:
                            seen.geometry, self.screen, self.clipped, blend, target.samples, o.threads or 1)  # fmt: skip
             return
         tiles = Tiles(first, last, self.across, o.tile, w.width, w.height, *self.place)
-        shade(tiles, occupied, ids, Samples(o.positions, o.ssaa > 1), self.drawn, self.look, target, o.threads or 1)
+        bins = self.bins[OPAQUE] if self.at_once else None
+        shade(tiles, occupied, ids, Samples(o.positions, o.ssaa > 1), self.drawn, self.look, target, o.threads or 1, bins)
 
     def _blend(self, first: int, last: int, ids: Array, depths: Array, target: Target) -> None:
         peeled = reusable(ids.shape, np.int32)

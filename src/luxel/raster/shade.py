@@ -14,7 +14,9 @@ import numpy as np
 from luxel import jit
 from luxel.arrays import Array
 from luxel.jit import count_bits, lowest_bit
+from luxel.raster.bin import Bins
 from luxel.raster.channels import CR, EB, EG, ER, FRAGMENTS, FRONT, LE, NX, OA, OB, OG, OR, PITCH, PX, TX
+from luxel.raster.cover import cover_tile
 from luxel.raster.encode import encode, pack, srgb_code, unit_code
 from luxel.raster.fragments import SIZE, STORED, Drawn, Eye, attributes, set_up, view_vectors
 from luxel.raster.geometry import Geometry
@@ -23,6 +25,7 @@ from luxel.raster.lighting import LightTable, light
 from luxel.raster.materials import MaterialTable
 from luxel.raster.rows import WORD, copy
 from luxel.raster.runs import MOST_SAMPLES, SETUPS, Cursor, Runs, Samples, Setups, gather, mean_places
+from luxel.raster.setup import SIZE as COVER_SIZE
 from luxel.raster.surface import surface
 
 _F = np.float32
@@ -216,12 +219,15 @@ def write_tile(sums, empty, tile, px, py, wide, high, exposure, background, colo
 
 
 @jit.parallel_kernel
-def _shade(queue, tiles, occupied, all_ids, all_samples, mean, all_drawn, look, rich, footprint, target):
+def _shade(queue, tiles, occupied, all_ids, bins, all_samples, mean, all_drawn, look, rich, footprint, target):
     ids, samples_at, drawn, target = jit.borrow(all_ids), jit.borrow(all_samples), jit.borrow(all_drawn), jit.borrow(target)
+    start, bin_ids = jit.borrow(bins)
     materials, lights, eye, features, exposure, background = jit.borrow(look)
     geometry, (pattern, every_sample) = drawn.geometry, samples_at
     first_tile, last_tile, across, tile, width, height, left, top = tiles
-    samples, pixels = len(pattern), tile * tile
+    samples, pixels, cover = len(pattern), tile * tile, len(start) > 0
+    own_visible = samples * pixels + LANES if cover else 0
+    own_ids, own_depth, own_c = np.empty(own_visible, np.int32), np.empty(own_visible, np.float32), np.zeros(COVER_SIZE, np.int32)
     own_g, own_sums, own_codes = np.empty(SIZE, np.float32), np.zeros(4 * pixels, np.float32), np.empty(FRAGMENTS + LANES, np.uint32)
     own_g[TX : TX + 4 * PITCH] = _F(0.0)  # where meshes have no tangents
     own_runs = Runs(
@@ -235,6 +241,7 @@ def _shade(queue, tiles, occupied, all_ids, all_samples, mean, all_drawn, look, 
     )  # fmt: skip
     own_material = np.full(FRAGMENTS, geometry.part_material[0] if len(geometry.part_material) > 0 else 0, np.int32)
     g, sums, codes, r, setups = jit.borrow(own_g), jit.borrow(own_sums), jit.borrow(own_codes), jit.borrow(own_runs), jit.borrow(own_setups)
+    here, depth, c = jit.borrow(own_ids), jit.borrow(own_depth), jit.borrow(own_c)
     material, parts, tangents = jit.borrow(own_material), len(geometry.part_material), len(geometry.tangents) > 0
     planes = samples if every_sample else 1
     to_samples = len(target.samples) > 0
@@ -252,10 +259,14 @@ def _shade(queue, tiles, occupied, all_ids, all_samples, mean, all_drawn, look, 
             sums[:] = _F(0.0)
         if direct:
             write_tile(sums, True, tile, left + px, top + py, wide, high, exposure, background, target.color, target.linear)
+        seen = here if cover else ids[slot]
+        if cover and not empty:
+            cover_tile(number, start, bin_ids, across, tile, width, height, geometry.triangles, drawn.screen, drawn.clipped.screen, pattern, depth,
+                       seen, c, None)  # fmt: skip
         at = Cursor(0, planes if empty else 0, 0)
         while at.plane < planes:
             known = at.setups if at.setups + FRAGMENTS <= SETUPS else 0
-            n, runs, at = gather(r, setups, Cursor(known, at.plane, at.pixel), ids[slot], samples_at, tile, wide, high, geometry.triangles)
+            n, runs, at = gather(r, setups, Cursor(known, at.plane, at.pixel), seen, samples_at, tile, wide, high, geometry.triangles)
             set_up(g, known, at.setups, setups, px, py, tile, drawn, features, rich)
             attributes(g, r, runs, n, material, setups, parts, tangents, features, footprint, eye, rich)
             surface(g, material, n, materials, rich)
@@ -270,20 +281,27 @@ def _shade(queue, tiles, occupied, all_ids, all_samples, mean, all_drawn, look, 
             write_tile(sums, empty, tile, left + px, top + py, wide, high, exposure, background, target.color, target.linear)
         number = first_tile + jit.take(queue)
     # The scratch must live until here: borrowing does not keep it.
-    own_g[0] = len(own_sums) + len(own_runs.head) + len(own_setups.table) + len(own_codes) + len(own_material)
+    own_g[0] = len(own_sums) + len(own_runs.head) + len(own_setups.table) + len(own_codes) + len(own_material) + len(own_ids) + len(own_depth)
+    own_c[0] = 0
 
 
-def shade(tiles: Tiles, occupied: Array, ids: Array, samples: Samples, drawn: Drawn, look: Look, target: Target, threads: int) -> None:
+_NO_BINS = np.zeros(0, np.int32), np.zeros(0, np.int32)
+
+
+def shade(tiles: Tiles, occupied: Array, ids: Array, samples: Samples, drawn: Drawn, look: Look, target: Target, threads: int,
+          bins: Bins | None = None) -> None:  # fmt: skip
     """Shade `tiles`.
 
     Args:
         occupied: (tiles,) uint8 of the whole window, 0 where no triangle may be and ids are not to be read.
-        ids: (tiles, ...) int32 of these tiles, from `cover` or `layer`.
+        ids: (tiles, ...) int32 of these tiles, from `cover` or `layer`; not read if there are `bins`.
         target: What is written.
+        bins: If given, each tile is covered right before it is shaded, and what is visible never leaves the core's cache.
     """
+    lists = _NO_BINS if bins is None else (bins.start, bins.triangles)
     footprint = _F(1 / math.sqrt(len(samples.pattern)) if samples.every else 1)
     rich = True if look.materials.rich else None
-    jit.run(_shade, min(threads, tiles.last - tiles.first), tiles, occupied, ids, samples, mean_places(samples.pattern), drawn, look, rich,
+    jit.run(_shade, min(threads, tiles.last - tiles.first), tiles, occupied, ids, lists, samples, mean_places(samples.pattern), drawn, look, rich,
             footprint, target)  # fmt: skip
 
 
