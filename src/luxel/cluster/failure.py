@@ -75,7 +75,8 @@ class Witness:
 
     def _tell(self, what: bytes) -> None:
         if self._pipe >= 0 and os.getpid() == self._rank:  # not in a child of the rank
-            os.write(self._pipe, what)
+            with suppress(BrokenPipeError):  # it has heard enough
+                os.write(self._pipe, what)
 
 
 def told(error: BaseException) -> str:

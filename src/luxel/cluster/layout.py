@@ -163,9 +163,9 @@ class Layout:
                 numbers = np.arange(first, min(first + PIECE, same.last), dtype=np.int32)
                 yield self._classes(numbers), numbers[:, None]
 
-        self._deal("vertices", share(), max(self.comm.gather(math.ceil((same.last - same.first) / PIECE))))
+        self._deal("rows", share(), max(self.comm.gather(math.ceil((same.last - same.first) / PIECE))))
         for cell in self._turns():
-            numbers = np.sort(np.concatenate([_NONE, *(part[:, 0] for part in self.spill.get(("vertices", cell)))]))
+            numbers = np.sort(np.concatenate([_NONE, *(part[:, 0] for part in self.spill.get(("rows", cell)))]))
             rows = self.vertex.take(self.file, numbers)
             target, first_of = clean.weld(clean.vertex_rows([rows[name][:, None] for name in self.vertex.fields.values()]))
             same.put(numbers, numbers[first_of][target] if len(numbers) else numbers)

@@ -19,7 +19,7 @@ from luxel.cluster.comm import Comm
 from luxel.cluster.layout import Layout
 from luxel.cluster.ply_table import Table, tables_of
 from luxel.cluster.soup_sum import soup_sum
-from luxel.errors import FileError, InputError
+from luxel.errors import FileError
 from luxel.io.files import door, open_plain, tell
 from luxel.io.ply import read_header
 from luxel.layout import files
@@ -37,12 +37,10 @@ def optimize_file(source: Path, target: Path | None, options: Options, comm: Com
     Returns:
         On rank 0 the report; the scenes before and after, where the file was read whole; and whether it was read in shares. On others, a report of
         what they did.
-
-    Raises:
-        InputError: `check` and dropped duplicates together, for a file in shares.
     """
     told = progress or (lambda done: None)
-    if source.suffix.lower() == ".ply" and (target is None or target.suffix.lower() == ".ply"):
+    summed = check and options.drop_duplicates  # sums over all triangles cannot prove that
+    if source.suffix.lower() == ".ply" and (target is None or target.suffix.lower() == ".ply") and not summed:
         report = _in_shares(source, target, options, comm, measures, check, told)
         if report is not None:
             return report, [], True
@@ -50,7 +48,8 @@ def optimize_file(source: Path, target: Path | None, options: Options, comm: Com
         _help(comm)
         return Report(options.target), [], False
     if comm.size > 1:
-        tell(source.name, "cannot be read in parts: rank 0 reads all of it, and all ranks order the parts of its meshes")
+        why = "dropped duplicates are checked in the whole file" if summed else "cannot be read in parts"
+        tell(source.name, f"{why}: rank 0 reads all of it, and all ranks order the parts of its meshes")
     try:
         whole = replace(options, crew=_crew(comm), threads=comm.threads(options.threads))
         report, scenes = files.optimize_file(source, target, whole, measures=measures, check=check, progress=progress)
@@ -87,8 +86,6 @@ def _in_shares(source: Path, target: Path | None, options: Options, comm: Comm, 
         tables = tables_of(elements, begin) if order and len(elements) == 2 else None
         if tables is None or not tables[1].rows or max(table.end for table in tables) > source.stat().st_size:
             return None  # if it is too short, the reader of whole files says so
-        if check and options.drop_duplicates:
-            raise InputError("--check on ranks: it compares sums over all triangles, which --drop-duplicates changes; give one of them")
         report = Report(options.target)
         folder = None if target is None else target.parent
         layout = Layout(file, tables, options, comm, report, folder, lambda done: told(0.15 + 0.7 * done), measures)
