@@ -11,6 +11,7 @@ a processor hands such data on at once, and stalls where a load overlaps two sto
 from __future__ import annotations
 
 from contextlib import contextmanager
+from functools import partial
 
 from luxel import jit
 
@@ -42,6 +43,9 @@ if jit.DISABLED:
                 draw_pixel(depth, ids, first + k, z + slope * (x + np.float32(k)), low, high, t, counting)
 
     def prefetch(array, i):
+        """Nothing to do."""
+
+    def prefetch_to_write(array, i):
         """Nothing to do."""
 
 else:
@@ -133,16 +137,20 @@ else:
         f, i, e = types.float32, types.int64, types.int32
         return types.none(depth, ids, i, i, e, e, e, e, e, e, f, f, f, f, f, e, counting), codegen
 
+    def _prefetch(context, builder, signature, arguments, writing):
+        pointer = builder.gep(array_data(context, builder, signature, arguments, 0), [arguments[1]])
+        pointer = builder.bitcast(pointer, ir.IntType(8).as_pointer())
+        function_type = ir.FunctionType(ir.VoidType(), [ir.IntType(8).as_pointer(), INT, INT, INT])
+        function = cgutils.get_or_insert_function(builder.module, function_type, "llvm.prefetch.p0")
+        builder.call(function, [pointer, ir.Constant(INT, writing), ir.Constant(INT, 3), ir.Constant(INT, 1)])
+        return context.get_dummy_value()
+
     @intrinsic
     def prefetch(typingctx, array, i):
         """Ask for the cache line of element `i` of `array`, seen as flat, ahead of its use."""
+        return types.none(array, types.int64), partial(_prefetch, writing=0)
 
-        def codegen(context, builder, signature, arguments):
-            pointer = builder.gep(array_data(context, builder, signature, arguments, 0), [arguments[1]])
-            pointer = builder.bitcast(pointer, ir.IntType(8).as_pointer())
-            function_type = ir.FunctionType(ir.VoidType(), [ir.IntType(8).as_pointer(), INT, INT, INT])
-            function = cgutils.get_or_insert_function(builder.module, function_type, "llvm.prefetch.p0")
-            builder.call(function, [pointer, ir.Constant(INT, 0), ir.Constant(INT, 3), ir.Constant(INT, 1)])
-            return context.get_dummy_value()
-
-        return types.none(array, types.int64), codegen
+    @intrinsic
+    def prefetch_to_write(typingctx, array, i):
+        """The same, to be written."""
+        return types.none(array, types.int64), partial(_prefetch, writing=1)

@@ -20,7 +20,7 @@ from luxel.raster.cover import cover_tile
 from luxel.raster.encode import encode, pack, srgb_code, unit_code
 from luxel.raster.fragments import SIZE, STORED, Drawn, Eye, attributes, set_up, view_vectors
 from luxel.raster.geometry import Geometry
-from luxel.raster.lanes import LANES
+from luxel.raster.lanes import LANES, prefetch_to_write
 from luxel.raster.lighting import LightTable, light
 from luxel.raster.materials import MaterialTable
 from luxel.raster.rows import WORD, copy
@@ -29,7 +29,7 @@ from luxel.raster.setup import SIZE as COVER_SIZE
 from luxel.raster.surface import surface
 
 _F = np.float32
-
+_LINE = 16  # pixels of a cache line
 
 _ER, _EG, _EB, _LE, _OR, _OG, _OB, _OA = (np.uint64(row) for row in (ER, EG, EB, LE, OR, OG, OB, OA))
 
@@ -218,6 +218,14 @@ def write_tile(sums, empty, tile, px, py, wide, high, exposure, background, colo
             linear[py + 1 : py + high, px : px + wide, k] = linear[py, px, k]
 
 
+@jit.part
+def ask_for(color, first, wide, high):
+    """Ask for the pixels of a tile, from element `first` of the picture on, ahead of writing them."""
+    for y in range(high):
+        for x in range(0, wide, _LINE):
+            prefetch_to_write(color, first + y * color.shape[1] + x)
+
+
 @jit.parallel_kernel
 def _shade(queue, tiles, occupied, all_ids, bins, all_samples, mean, all_drawn, look, rich, footprint, target):
     ids, samples_at, drawn, target = jit.borrow(all_ids), jit.borrow(all_samples), jit.borrow(all_drawn), jit.borrow(target)
@@ -252,6 +260,12 @@ def _shade(queue, tiles, occupied, all_ids, bins, all_samples, mean, all_drawn, 
         px, py = (number % across) * tile, (number // across) * tile
         wide, high = min(tile, width - px), min(tile, height - py)
         empty = occupied[number] == 0
+        if direct:
+            ask_for(target.color, (top + py) * target.color.shape[1] + left + px, wide, high)
+        seen = here if cover else ids[slot]
+        if cover and not empty:
+            cover_tile(number, start, bin_ids, across, tile, width, height, geometry.triangles, drawn.screen, drawn.clipped.screen, pattern, depth,
+                       seen, c, None)  # fmt: skip
         if empty or direct:
             for plane in range(4):
                 sums[plane * pixels : plane * pixels + wide] = _F(0.0)
@@ -259,10 +273,6 @@ def _shade(queue, tiles, occupied, all_ids, bins, all_samples, mean, all_drawn, 
             sums[:] = _F(0.0)
         if direct:
             write_tile(sums, True, tile, left + px, top + py, wide, high, exposure, background, target.color, target.linear)
-        seen = here if cover else ids[slot]
-        if cover and not empty:
-            cover_tile(number, start, bin_ids, across, tile, width, height, geometry.triangles, drawn.screen, drawn.clipped.screen, pattern, depth,
-                       seen, c, None)  # fmt: skip
         at = Cursor(0, planes if empty else 0, 0)
         while at.plane < planes:
             known = at.setups if at.setups + FRAGMENTS <= SETUPS else 0
