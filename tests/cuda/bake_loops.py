@@ -35,17 +35,17 @@ _ROW, _DEEPEST = _shoot.SCRATCH, _shoot.DEEPEST
 
 
 @jit.kernel
-def look(n, m, eyes, first, directions, hits):
+def look(n, m, eyes, first, first_ray, directions, hits):
     c, stack = np.empty(_SCRATCH, np.float32), np.empty(_STACK, np.int32)
     for j in range(m):
         for i in range(n):
-            _look_along(i, j, eyes, first, directions, hits, c, stack)
+            _look_along(i, j, eyes, first, first_ray, directions, hits, c, stack)
 
 
 @jit.kernel
-def count_away(n, _, numbers, first, hits, away):
+def count_away(n, _, numbers, hits, away):
     for i in range(n):
-        _count_away(i, numbers, first, hits, away)
+        _count_away(i, numbers, hits, away)
 
 
 @jit.kernel
@@ -142,9 +142,9 @@ def find_scale(n, _, sums, scale):
 
 
 @jit.kernel
-def take_in(n, _, albedo, scale, gained, received, unshot):
+def take_in(n, _, albedo, scale, keeps, gained, received, unshot, new_received, new_unshot):
     for i in range(n):
-        _take_in(i, albedo, scale, gained, received, unshot)
+        _take_in(i, albedo, scale, keeps, gained, received, unshot, new_received, new_unshot)
 
 
 @jit.kernel
@@ -154,9 +154,9 @@ def note_direct(n, _, gained, direct):
 
 
 @jit.kernel
-def forget(n, _, chosen, starts, unshot):
+def forget(n, _, chosen, starts, albedo, gained, unshot):
     for i in range(n):
-        _forget(i, chosen, starts, unshot)
+        _forget(i, chosen, starts, albedo, gained, unshot)
 
 
 @jit.kernel

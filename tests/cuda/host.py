@@ -19,7 +19,7 @@ class Host:
     def free_memory(self):
         return self.memory
 
-    def expect(self, size, what):
+    def expect(self, size, what, instead=""):
         if size > self.memory:
             raise DeviceError(f"{what} needs {size}")
 
@@ -36,11 +36,14 @@ class Host:
         array.reshape(-1).view(np.uint8)[:] = 0xAB  # what is read before it is written shows
         return array
 
+    def columns(self, shape, dtype):
+        return self.empty(shape[::-1], dtype).T
+
     def send(self, host, array):
         array[...] = host
 
     def host(self, array):
-        return array.copy()
+        return array.copy(order="K")
 
     def view(self, array, dtype):
         return array.view(dtype)

@@ -37,20 +37,20 @@ _ROW, _DEEPEST = _shoot.SCRATCH, _shoot.DEEPEST
 
 
 @kernel
-def look(n, m, eyes, first, directions, hits):
+def look(n, m, eyes, first, first_ray, directions, hits):
     """`threads.look.look`."""
     i, j = cuda.grid(2)
     c, stack = cuda.local.array(_SCRATCH, np.float32), cuda.local.array(_STACK, np.int32)
     if i < n and j < m:
-        _look_along(i, j, eyes, first, directions, hits, c, stack)
+        _look_along(i, j, eyes, first, first_ray, directions, hits, c, stack)
 
 
 @kernel
-def count_away(n, _, numbers, first, hits, away):
+def count_away(n, _, numbers, hits, away):
     """`threads.look.count_away`."""
     i, _ = cuda.grid(2)
     if i < n:
-        _count_away(i, numbers, first, hits, away)
+        _count_away(i, numbers, hits, away)
 
 
 @kernel
@@ -169,11 +169,11 @@ def find_scale(n, _, sums, scale):
 
 
 @kernel
-def take_in(n, _, albedo, scale, gained, received, unshot):
+def take_in(n, _, albedo, scale, keeps, gained, received, unshot, new_received, new_unshot):
     """`threads.settle.take_in`."""
     i, _ = cuda.grid(2)
     if i < n:
-        _take_in(i, albedo, scale, gained, received, unshot)
+        _take_in(i, albedo, scale, keeps, gained, received, unshot, new_received, new_unshot)
 
 
 @kernel
@@ -185,11 +185,11 @@ def note_direct(n, _, gained, direct):
 
 
 @kernel
-def forget(n, _, chosen, starts, unshot):
+def forget(n, _, chosen, starts, albedo, gained, unshot):
     """`threads.settle.forget`."""
     i, _ = cuda.grid(2)
     if i < n:
-        _forget(i, chosen, starts, unshot)
+        _forget(i, chosen, starts, albedo, gained, unshot)
 
 
 @kernel

@@ -74,6 +74,12 @@ class Gpu:
             return np.zeros(shape, dtype)
         return self._allocated(math.prod(shape) * np.dtype(dtype).itemsize, lambda: self._cuda.device_array(shape, dtype))
 
+    def columns(self, shape: tuple[int, int], dtype: Any) -> Any:
+        """The same, stored column by column: threads that are neighbours along the first axis write to neighbouring places."""
+        if self._simulated:
+            return np.zeros(shape, dtype, order="F")
+        return self._allocated(math.prod(shape) * np.dtype(dtype).itemsize, lambda: self._cuda.device_array(shape, dtype, order="F"))
+
     def _allocated(self, size: int, make: Any) -> Any:
         try:
             return make()
@@ -129,12 +135,12 @@ class Gpu:
         if not self._simulated:
             self._cuda.synchronize()
 
-    def expect(self, size: int, what: str) -> None:
-        """Raise a DeviceError if `size` bytes are not to be had."""
+    def expect(self, size: int, what: str, instead: str = "a smaller picture, fewer samples or fewer triangles") -> None:
+        """Raise a DeviceError if `size` bytes are not to be had; `instead` is what is expected then."""
         free = self.free_memory()
         if size > free:
             raise DeviceError(f"device cuda: {what} needs {_size(size)} of memory, {_size(free)} are free on {self.name}; "
-                              "expected a smaller picture, fewer samples or fewer triangles")  # fmt: skip
+                              f"expected {instead}")  # fmt: skip
 
 
 def _fetch(array: Any, row: int) -> Array:
@@ -165,11 +171,12 @@ def gpu() -> Gpu:
     return Gpu()
 
 
-def find(device: str) -> Gpu | None:
+def find(device: str, doing: str = "drawing", stacklevel: int = 3) -> Gpu | None:
     """What `device` names: None for the processor.
 
     Args:
         device: "cpu", "cuda", or "auto": a GPU if there is one, else the processor, with a warning that says why.
+        doing: What the processor does then.
 
     Raises:
         InputError: It names none of these.
@@ -184,5 +191,5 @@ def find(device: str) -> Gpu | None:
     except (DeviceError, ExtraMissingError) as error:
         if device == "cuda":
             raise
-        warnings.warn(f"device auto: drawing on the processor: {error}", LuxelWarning, stacklevel=3)
+        warnings.warn(f"device auto: {doing} on the processor: {error}", LuxelWarning, stacklevel=stacklevel)
         return None

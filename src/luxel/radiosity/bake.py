@@ -158,7 +158,7 @@ class Progress:
 def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None = None, page: int = 1024, sky: Any = None,
          tolerance: float | None = None, seconds: float | None = None, threads: int | None = None,
          progress: Callable[[float, Progress], None] | None = None, checkpoint: str | Path | None = None, resume: bool = False,
-         transport: bool = False, layers: bool = False, comm: Comm | None = None) -> Baked:  # fmt: skip
+         transport: bool = False, layers: bool = False, comm: Comm | None = None, device: str = "cpu") -> Baked:  # fmt: skip
     """Light a scene: diffuse light between all its surfaces, as a lightmap.
 
     What shines: emissive materials (their radiance), point, spot and directional lights, and the sky.
@@ -181,14 +181,17 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
         transport: Also keep the transport, to light the scene anew (`Transport`): four bytes for each ray of a luxel, two for each light.
         layers: Also the light of each lamp by itself, and of the sky.
         comm: `luxel.cluster.comm.world()`, or some of its ranks. The result does not depend on it.
+        device: "cpu"; "cuda": a GPU does what is done for every element; or "auto": a GPU if one can be used and has the memory. The light is the
+            same but for rounding.
 
     Raises:
         InputError: Nothing shines, there is no surface, or a value cannot be worked with; the checkpoint is of another bake; so many luxels do
             not fit in the memory that is free.
+        DeviceError: Device "cuda", and there is no GPU, no driver, too old a card, or too little memory on it.
         ExtraMissingError: The scene needs texture coordinates and xatlas is not installed.
     """
     settings = _quality(quality, tolerance)
-    labour = labour_of(threads, comm)
+    labour = labour_of(threads, comm, device)
     progress = progress if labour.team.leads else None
     clock = Clock()
     lamps, atlas = labour.once(lambda: _laid_out(scene, sky, settings, density, page, labour, clock))
@@ -198,6 +201,7 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
     if problem.lights is None and not len(lamps.table) and lamps.sky is None:
         raise InputError("bake: nothing shines: what is emissive has no surface, or its pictures are black")
     keep = transport or layers
+    labour = labour.fitting(problem, rays)
     rows, light_rows = _room(problem, settings.seen > 0, rays, keep, labour)
     state = start(problem)
 
@@ -248,8 +252,14 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
     return baked
 
 
-def labour_of(threads: int | None, comm: Comm | None) -> Labour:
+def labour_of(threads: int | None, comm: Comm | None, device: str = "cpu") -> Labour:
     """Who does the heavy work."""
+    if device != "cpu" and comm is not None and comm.size > 1:
+        raise InputError(f"device: ranks of MPI bake on processors, expected cpu, got {device!r}")
+    if device != "cpu":
+        from luxel.cuda.labour import labour_on
+
+        return labour_on(device, jit.checked_threads(threads))
     if comm is None or comm.size == 1:
         return Labour(jit.checked_threads(threads))
     from luxel.cluster.team import Ranks

@@ -22,7 +22,7 @@ _CHUNK = 256
 _PIXELS_PER_DIRECTION = 64
 # Columns of a table of lights: position; direction it shines in; intensity by channel; 1 if it is far away; range; cosines of the cones.
 _X, _Y, _Z, _DX, _DY, _DZ, _RED, _GREEN, _BLUE, _FAR, _RANGE, _INNER, _OUTER = range(13)
-_AT = ((-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25))
+AT = ((-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25))
 
 
 def light_table(lights: Sequence[Light]) -> Array:
@@ -100,7 +100,7 @@ def shine(scene: Occlusion, numbers: Array, table: Array, reach: float, threads:
         reach: Metres from any element to beyond the scene.
         points: 1 or 4 of each element.
     """
-    at = np.array(_AT if points == 4 else ((0.0, 0.0),))
+    at = np.array(AT if points == 4 else ((0.0, 0.0),))
     received = np.zeros((3, numbers.shape[1]), np.float32)
     if len(table):
         jit.run(_shine, threads, scene, numbers, table, at, reach, received)

@@ -183,12 +183,12 @@ class View(NamedTuple):
 
         `told` hears which share of the elements has looked.
         """
-        directions, padded, count = cosine_directions(rays).astype(np.float32), _padded(light), self.numbers.shape[1]
+        directions, what, count = cosine_directions(rays).astype(np.float32), padded(light), self.numbers.shape[1]
         result = np.empty((3, count), np.float32)
         for first, last in self.chunks(rays):
             hits = np.empty((last - first, rays), np.int32)
             self.look(directions, first, last, hits, threads)
-            jit.run(_mean, threads, hits, padded, first, result)
+            jit.run(_mean, threads, hits, what, first, result)
             told(last / count)
         return result
 
@@ -208,15 +208,15 @@ class Sight(NamedTuple):
 def gather(hits: Array, light: Array, threads: int) -> Array:
     """(3, k) float32: the mean of `light` (n, 3) float32 over what the rays of k elements meet, `hits` (k, rays)."""
     result = np.empty((3, len(hits)), np.float32)
-    jit.run(_mean, threads, hits, _padded(light), 0, result)
+    jit.run(_mean, threads, hits, padded(light), 0, result)
     return result
 
 
-def _padded(light: Array) -> Array:
+def padded(light: Array) -> Array:
     """(3 + n, 4) float32: the light of what is met, from `LOST` on."""
-    padded = np.zeros((len(light) + 3, 4), np.float32)
-    padded[3:, :3] = light
-    return padded
+    result = np.zeros((len(light) + 3, 4), np.float32)
+    result[3:, :3] = light
+    return result
 
 
 @jit.part

@@ -88,6 +88,10 @@ class Labour:
         """(..., n), the same everywhere: of `work(which)`, (..., k) for an index of k of n items."""
         return self.join(work(self.mine(n)), n)
 
+    def fitting(self, problem: Problem, rays: int) -> Labour:
+        """Who does it, if what elements see by so many `rays` each has to fit in memory."""
+        return self
+
     def state(self, problem: Problem, state: State) -> State:
         """The state of a solve, kept where this works on it."""
         return state

@@ -22,7 +22,7 @@ from luxel.radiosity.hemicube import frames_of
 from luxel.radiosity.packet import AT, DX, DY, DZ, FOUND, OX, OY, OZ, WIDTH
 
 _BRIGHT = 8.0  # times the mean: beyond, a pixel's light is directional lights'
-_COARSE, _FINE = 16, 64  # rows of the pictures that cells, and parts of cells, are looked up in
+COARSE, FINE = 16, 64  # rows of the pictures that cells, and parts of cells, are looked up in
 TOGETHER = 16  # elements that tell each other what they see: a window too small for the rays of one is found by those of others
 _NO_SKY, _SKY, _EDGE = range(3)
 _SIDE = 4  # parts along a side of a cell
@@ -39,7 +39,7 @@ def split(sky: Array) -> tuple[Array, Array]:
     return even, picture - even
 
 
-def _shrunk(picture: Array, rows: int) -> Array:
+def shrunk(picture: Array, rows: int) -> Array:
     """At most so many rows, and twice as many columns: (h, w, 3) float32 means, each row of pixels by its solid angle."""
     ring = np.sin((np.arange(len(picture)) + 0.5) / len(picture) * np.pi)[:, None, None]
     for axis, most in ((0, rows), (1, 2 * rows)):
@@ -152,6 +152,6 @@ def shine_sky(view: View, hits: Array, even: Array, threads: int) -> Array:
     cell, wide, high = cells(hits.shape[1])
     result = np.empty((3, len(hits)), np.float32)
     frames = frames_of(view.numbers[NX : NZ + 1].T)
-    pictures = _shrunk(even, _COARSE), _shrunk(even, _FINE)
+    pictures = shrunk(even, COARSE), shrunk(even, FINE)
     jit.run(_gather, threads, view.scene, view.numbers, frames, np.float32(view.reach), hits, cell, wide, high, *pictures, result)
     return result

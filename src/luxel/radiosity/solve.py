@@ -26,7 +26,7 @@ from luxel.radiosity.labour import Labour
 from luxel.radiosity.patches import Tree, middles
 from luxel.radiosity.transport import BLOCK, Elements, Occluders, Shooters, Visibility
 
-_BATCH = 128
+BATCH = 128
 _SHARE = 16  # of the patches, at most, shoot at a time: the brightest are known anew after each batch
 _MOST_GROUPS = 512
 _HERE = 5.0
@@ -148,7 +148,7 @@ class Rows:
     """Where rows of transport are kept: so many, in the order in which they are first wanted; the rest are computed each time.
 
     Attributes:
-        rows: (slots, k) uint16, of this process's elements; the last `_BATCH` are not kept.
+        rows: (slots, k) uint16, of this process's elements; the last `BATCH` are not kept.
         touched: (slots, blocks) bool: which blocks of a row are not all zero.
         slot: (p,) int64: a patch's row, or -1.
         scale: (slots,) float64: what puts the row's sum right.
@@ -158,7 +158,7 @@ class Rows:
     def __init__(self, patches: int, elements: int, kept: int, empty: Callable[..., Any] = np.empty) -> None:
         """`empty(shape, dtype)` makes the array of rows."""
         self.kept = min(patches, kept)
-        self.rows = empty((self.kept + _BATCH, elements), np.uint16)
+        self.rows = empty((self.kept + BATCH, elements), np.uint16)
         self.touched = np.zeros((len(self.rows), -(-elements // BLOCK)), np.bool_)
         self.slot = np.full(patches, -1, np.int64)
         self.scale, self.lost = np.ones(len(self.rows)), np.zeros(len(self.rows))
@@ -243,7 +243,7 @@ def _absorb(queue, gained, albedo, area, starts, received, unshot, power, absorb
 
 
 def fill(problem: Problem, source: Source, chosen: Array, rows: Rows, labour: Labour) -> Array:
-    """Make sure of the rows of the chosen patches, at most `_BATCH`; returns their slots."""
+    """Make sure of the rows of the chosen patches, at most `BATCH`; returns their slots."""
     slots, fresh = rows.place(chosen)
     if not len(fresh):
         return slots
@@ -265,8 +265,8 @@ def fill(problem: Problem, source: Source, chosen: Array, rows: Rows, labour: La
 def complete(problem: Problem, source: Source, rows: Rows, labour: Labour) -> Rows:
     """Fill the rows of all patches, which `rows` must have room for."""
     missing = np.flatnonzero(rows.slot < 0)
-    for first in range(0, len(missing), _BATCH):
-        fill(problem, source, missing[first : first + _BATCH], rows, labour)
+    for first in range(0, len(missing), BATCH):
+        fill(problem, source, missing[first : first + BATCH], rows, labour)
     return rows
 
 
@@ -288,7 +288,7 @@ def light_steps(problem: Problem, state: State, rows: Rows, labour: Labour) -> I
     """Let the lights shoot; yields the state after each batch. They have `rows` of their own."""
     lights = problem.lights
     while lights is not None and state.lights_left:
-        chosen = np.arange(len(lights.tree.patches))[-state.lights_left :][:_BATCH]
+        chosen = np.arange(len(lights.tree.patches))[-state.lights_left :][:BATCH]
         radiosity = mean(problem.exitance, lights.numbers[AREA], lights.tree)[chosen]
         gained, lost = _shoot(problem, lights, chosen, rows, radiosity, labour)
         state.escaped = state.escaped + lost
@@ -303,7 +303,7 @@ def patch_steps(problem: Problem, state: State, rows: Rows, tolerance: float, la
     tree = problem.patches.tree
     while labour.once(lambda: _much(state, tolerance)):
         total = state.power.sum(1)
-        chosen = np.sort(np.argsort(-total, kind="stable")[: max(1, min(_BATCH, len(total) // _SHARE))])
+        chosen = np.sort(np.argsort(-total, kind="stable")[: max(1, min(BATCH, len(total) // _SHARE))])
         chosen = chosen[total[chosen] > 0]
         radiosity = state.power[chosen] / (tree.place[tree.patches[chosen], 7].astype(np.float64))[:, None]
         gained, lost = _shoot(problem, problem.patches, chosen, rows, radiosity, labour)

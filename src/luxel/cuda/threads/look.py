@@ -63,9 +63,12 @@ class Sky(NamedTuple):
 
 
 @part
-def look(k, number, eyes, first, directions, hits, c, stack):
-    """hits[k, number]: what element first + k meets along `directions` (rays, 3) of its frame. `c` (SCRATCH,) float32, `stack` (STACK,) int32."""
-    i = first + k
+def look(k, r, eyes, first, first_ray, directions, hits, c, stack):
+    """hits[k, first_ray + r]: what element first + k meets along these of `directions` (rays, 3) of its frame.
+
+    `c` (SCRATCH,) float32 and `stack` (STACK,) int32 are scratch.
+    """
+    i, number = first + k, first_ray + r
     spot = free_spot(np.int64(eyes.numbers[FREE, i]), number % SPOTS)
     start_ray(eyes.numbers, eyes.frames[i], directions[number], i, spot, eyes.reach, _FIRST, c)
     meet_all(eyes.scene, c, stack)
@@ -73,10 +76,10 @@ def look(k, number, eyes, first, directions, hits, c, stack):
 
 
 @part
-def count_away(k, numbers, first, hits, away):
-    """away[first + k] float64: the area of an element times the share of its rays that meet nothing or a back, m2."""
-    lost, gone = lost_and_gone(hits, k)
-    away[first + k] = np.float64(numbers[AREA, first + k]) * gone / max(hits.shape[1] - lost, 1)
+def count_away(i, numbers, hits, away):
+    """away[i] float64: the area of element `i` times the share of its rays that meet nothing or a back, m2."""
+    lost, gone = lost_and_gone(hits, i)
+    away[i] = np.float64(numbers[AREA, i]) * gone / max(hits.shape[1] - lost, 1)
 
 
 @part

@@ -25,10 +25,9 @@ SENT, GONE, GOT, ABSORBED, POWER, HERE, SUMS = 0, 3, 6, 9, 12, 15, 16
 
 @part
 def send(i, unshot, sent):
-    """All that element `i` has to shoot is on its way: in `sent` (3 + n, 4), as `luxel.radiosity.gather.mean_light` wants it."""
+    """All that element `i` has to shoot, into `sent` (3 + n, 4), as `luxel.radiosity.gather.mean_light` wants it."""
     for c in range(3):
         sent[i + 3, c] = unshot[c, i]
-        unshot[c, i] = _F(0.0)
 
 
 @part
@@ -70,13 +69,13 @@ def find_scale(c, sums, scale):
 
 
 @part
-def take_in(i, albedo, scale, gained, received, unshot):
-    """Element `i` takes in what it gained, times `scale` (3,) float32."""
+def take_in(i, albedo, scale, keeps, gained, received, unshot, new_received, new_unshot):
+    """Element `i` takes in what it gained, times `scale` (3,) float32; it `keeps` what it had to shoot, or has shot it."""
     for c in range(3):
         new = gained[c, i] * scale[c]
         gained[c, i] = new
-        received[c, i] += new
-        unshot[c, i] += albedo[c, i] * new
+        new_received[c, i] = received[c, i] + new
+        new_unshot[c, i] = (unshot[c, i] if keeps else _F(0.0)) + albedo[c, i] * new
 
 
 @part
@@ -87,11 +86,11 @@ def note_direct(i, gained, direct):
 
 
 @part
-def forget(k, chosen, starts, unshot):
-    """The elements of patch chosen[k] have shot; starts (p + 1,) int64."""
+def forget(k, chosen, starts, albedo, gained, unshot):
+    """The elements of patch chosen[k] have shot what they had: they will shoot what they send on of what they gained; starts (p + 1,) int64."""
     for c in range(3):
         for i in range(starts[chosen[k]], starts[chosen[k] + 1]):
-            unshot[c, i] = _F(0.0)
+            unshot[c, i] = albedo[c, i] * gained[c, i]
 
 
 @part
