@@ -61,8 +61,9 @@ def test_nothing_is_left_of_a_file_whose_writers_die(tmp_path, number):
     text = (
         "import sys, time, pathlib\n"
         "from luxel.cluster import layout\n"
+        "folder = sys.argv[1]\n"
         "def wait(self, *_):\n"
-        "    pathlib.Path(sys.argv[1], f'writing{self.comm.rank}').write_text(str(__import__('os').getpid()))\n"
+        "    pathlib.Path(folder, f'writing{self.comm.rank}').write_text(str(__import__('os').getpid()))\n"
         "    time.sleep(60)\n"
         "layout.Layout.write = wait\n"
         "from luxel.cli import main\n"
