@@ -14,6 +14,7 @@ from scenes import around, room
 
 import luxel
 from luxel import Material, Mesh, Scene
+from luxel.cluster import units as units_of
 from luxel.cluster.agree import agree
 from luxel.cluster.comm import Comm, world
 from luxel.cluster.composite import COMPOSITIONS, clear, composite, regions
@@ -98,6 +99,8 @@ def files(comm: Comm, folder: str) -> None:
     """A binary PLY file in ranges of bytes; and real models, which have what cannot be read in parts."""
     size = (160, 90)
     for path in sorted(Path(folder).iterdir()):
+        if path.suffix == ".bin" or path.name.startswith("units"):
+            continue
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", LuxelWarning)
             one = luxel.render(path, None, size, threads=1, samples=8) if comm.rank == 0 else None
@@ -106,6 +109,36 @@ def files(comm: Comm, folder: str) -> None:
                 mine = renderer.render(None, size, samples=8)
                 if mine is not None:
                     same(mine, one, (path, divide))
+
+
+def units(comm: Comm, folder: str) -> None:
+    """glTF by primitives, and a folder by files: nobody reads what others draw, but for what a cut goes through."""
+    place = Path(folder) / f"units{comm.size}"
+    if comm.rank == 0:
+        models = place / "models"
+        models.mkdir(parents=True)
+        sphere = bumpy_sphere(20)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", LuxelWarning)
+            luxel.save(room(2), place / "room.glb")
+            luxel.save(Mesh(sphere.positions, sphere.triangles), place / "bare.gltf")  # flat, as glTF asks for
+            luxel.save(room(1), models / "a.gltf")
+            luxel.save(Mesh(sphere.positions, sphere.triangles), models / "b.obj")
+            luxel.save(sphere, models / "c.PLY")
+            luxel.save(room(3), models / "d.glb")
+            (models / "read.me").write_text("no model")
+    comm.gather(None)
+    read, made = [], units_of._made
+    units_of._made = lambda later, crease: read.append(later.count) or made(later, crease)
+    files(comm, str(place))
+    units_of._made = made
+    share = units_of.gltf_share(place / "room.glb", comm, None)[0]
+    counts = comm.gather(share.triangle_count)
+    whole = luxel.load(place / "room.glb").triangle_count
+    assert sum(counts) == whole
+    assert max(counts) <= whole / comm.size + 1
+    largest = max(len(mesh.triangles) for mesh in luxel.load(place / "room.glb").meshes)
+    assert sum(read) <= 2 * (whole / comm.size + 2 * largest) + 2 * 1600  # for two divisions; and the sphere, whole
 
 
 def streamed(comm: Comm, folder: str) -> None:

@@ -17,7 +17,8 @@ import luxel
 from luxel.cluster.composite import COMPOSITIONS, merge, pack, radices, regions
 from luxel.cluster.layers import below, lay_over, layered
 from luxel.cluster.plan import Plan, cut
-from luxel.cluster.shares import group_count, sliced
+from luxel.cluster.shares import group_count
+from luxel.cluster.slices import sliced
 from luxel.cluster.sort_first import boxes
 from luxel.scene.builtin import bumpy_sphere
 
@@ -43,7 +44,7 @@ def test_files_in_parts(tmp_path, meshes):
     for name in ("horse.ply", "fandisk.obj"):
         (tmp_path / name).symlink_to(meshes / name)
     for ranks in (2, 3, 5):
-        done = mpi(ranks, DRAWING, "files,streamed", tmp_path)
+        done = mpi(ranks, DRAWING, "files,streamed,units", tmp_path)
         assert done.returncode == 0, done.stderr
 
 

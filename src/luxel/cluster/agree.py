@@ -17,8 +17,11 @@ _PIECES, _PIECE = 16, 1 << 16  # of a file: so many bytes here and there tell tw
 
 
 def fingerprint(path: Path) -> str:
-    """What a file is: its size and a hash of pieces of it, the first and the last among them; or why it cannot be read."""
+    """What a file is: its size and a hash of pieces of it, the first and the last among them; or why it cannot be read. Of a folder, its files."""
     try:
+        if path.is_dir():
+            files = "\n".join(f"{each.name}: {fingerprint(each)}" for each in sorted(path.iterdir()) if each.is_file())
+            return f"{files.count(chr(10)) + 1} files, {hashlib.sha256(files.encode()).hexdigest()[:12]}"
         size = path.stat().st_size
         digest = hashlib.sha256()
         with path.open("rb") as file:

@@ -15,14 +15,12 @@ import numpy as np
 
 from luxel.cluster.comm import Comm
 from luxel.cluster.ply_share import Stream, load_share
+from luxel.cluster.slices import FILLS, sliced
 from luxel.cluster.sort_last import Team
+from luxel.cluster.units import folder_share, gltf_share
 from luxel.io import load
 from luxel.io.files import door, tell
-from luxel.raster.geometry import made_normals
-from luxel.scene.mesh import Mesh
 from luxel.scene.scene import Scene
-
-_FILLS = {"texcoords": (2, 0.0), "texcoords1": (2, 0.0), "colors": (4, 1.0), "tangents": (4, 0.0)}
 
 
 class Shared(NamedTuple):
@@ -51,8 +49,8 @@ def group_count(size: int) -> int:
 def share_scene(source: Any, comm: Comm, divide: str = "screen", composition: str = "swap", crease_angle: float | None = None) -> Shared:
     """Load a scene, or this rank's share of it.
 
-    Binary PLY files are read in ranges of bytes. Of what cannot be read in parts every rank reads all, one time, and keeps its
-    share; a LuxelWarning says so.
+    Binary PLY files are read in ranges of bytes, glTF by its primitives, and folders by their files. Of what cannot be read in parts every rank
+    reads all, one time, and keeps its share; a LuxelWarning says so.
 
     Args:
         source: As of `luxel.load`.
@@ -72,9 +70,9 @@ def share_scene(source: Any, comm: Comm, divide: str = "screen", composition: st
     group = comm.part(number)
     path = Path(source) if isinstance(source, (str, os.PathLike)) else None
     found = None
-    if path is not None and path.suffix.lower() == ".ply":
+    if path is not None:
         with door(path.name):
-            found = load_share(path, group)
+            found = _in_parts(path, group, crease_angle)
     if found is None:
         whole = load(source, crease_angle=crease_angle)
         found = sliced(whole, *group.share_out(whole.triangle_count)[group.rank]), whole
@@ -91,38 +89,22 @@ def share_scene(source: Any, comm: Comm, divide: str = "screen", composition: st
     return Shared(share, outline, Team(comm, group, number, groups, at, composition), int(at[-1]), stream)
 
 
-def sliced(scene: Scene, first: int, last: int) -> Scene:
-    """`scene` with its triangles first .. last - 1 alone, and the vertices that they have; materials, lights and the like stay."""
-    out = replace(scene, meshes=[], instances=[])
-    start = 0
-    for instance in scene.instances:
-        mesh = scene.meshes[instance.mesh]
-        begin, end = max(first - start, 0), min(last - start, len(mesh.triangles))
-        start += len(mesh.triangles)
-        if begin < end:
-            out.meshes.append(mesh if end - begin == len(mesh.triangles) else part_of(mesh, begin, end))
-            out.instances.append(replace(instance, mesh=len(out.meshes) - 1))
-    return out
-
-
-def part_of(mesh: Mesh, first: int, last: int) -> Mesh:
-    """Triangles first .. last - 1 of a mesh, with normals as they are in the whole."""
-    if mesh.normals is None:
-        mesh = replace(mesh, normals=made_normals(mesh))
-    used, triangles = np.unique(mesh.triangles[first:last], return_inverse=True)
-    arrays: dict[str, Any] = {
-        name: value[used] for name in ("positions", "normals", *_FILLS) if (value := getattr(mesh, name)) is not None
-    }
-    return replace(mesh, triangles=triangles.reshape(-1, 3).astype(np.int32), **arrays)
+def _in_parts(path: Path, group: Comm, crease_angle: float | None) -> tuple[Scene | Stream, Scene] | None:
+    if path.is_dir():
+        return folder_share(path, group, crease_angle)
+    extension = path.suffix.lower()
+    if extension == ".ply":
+        return load_share(path, group)
+    return gltf_share(path, group, crease_angle) if extension in (".gltf", ".glb") else None
 
 
 def with_all_attributes(scene: Scene, comm: Comm) -> None:
     """Give this rank's first mesh the attributes that any mesh of the scene has, with the values that stand for none: kernels ask for what a scene
     has, not for what a rank has of it."""
-    present = set().union(*comm.gather({name for mesh in scene.meshes for name in _FILLS if getattr(mesh, name) is not None}))
+    present = set().union(*comm.gather({name for mesh in scene.meshes for name in FILLS if getattr(mesh, name) is not None}))
     if scene.instances:
         at = scene.instances[0].mesh
         mesh = scene.meshes[at]
-        missing: dict[str, Any] = {name: np.full((len(mesh.positions), _FILLS[name][0]), _FILLS[name][1], np.float32)
+        missing: dict[str, Any] = {name: np.full((len(mesh.positions), FILLS[name][0]), FILLS[name][1], np.float32)
                                    for name in present if getattr(mesh, name) is None}  # fmt: skip
         scene.meshes[at] = replace(mesh, **missing)

@@ -16,16 +16,16 @@ from luxel.scene.scene import Scene
 
 __all__ = ["atomic_write", "load", "save"]
 
-_READERS = {"ply": "ply", "obj": "obj", "stl": "stl", "off": "off", "gltf": "gltf.read", "glb": "gltf.read"}
-_WRITERS = _READERS | {"obj": "obj_write", "gltf": "gltf.write", "glb": "gltf.write"}
+READERS = {"ply": "ply", "obj": "obj", "stl": "stl", "off": "off", "gltf": "gltf.read", "glb": "gltf.read"}
+_WRITERS = READERS | {"obj": "obj_write", "gltf": "gltf.write", "glb": "gltf.write"}
 
 
 def load(source: object, *, crease_angle: float | None = None, normals: bool = True) -> Scene:
     """A scene from a file or from data at hand.
 
     Args:
-        source: A path (.ply, .obj, .stl, .off, .gltf, .glb); a Mesh or a Scene; a trimesh.Trimesh or trimesh.Scene; or a pair of
-            positions (n, 3) and triangles (m, 3). Data at hand is not copied where it fits.
+        source: A path (.ply, .obj, .stl, .off, .gltf, .glb), or a folder of such files, which are drawn together; a Mesh or a Scene; a
+            trimesh.Trimesh or trimesh.Scene; or a pair of positions (n, 3) and triangles (m, 3). Data at hand is not copied where it fits.
         crease_angle: Radians: where faces turn by more, normals that are made anew are split. None takes what suits the format: 50 degrees,
             and 0 (flat faces) for glTF, whose specification asks for it. pi smooths everything and keeps the vertices as they are.
         normals: False leaves meshes without normals as they are.
@@ -36,6 +36,8 @@ def load(source: object, *, crease_angle: float | None = None, normals: bool = T
         InputError: `source` is none of these.
     """
     if isinstance(source, (str, os.PathLike)):
+        if Path(source).is_dir():
+            return _load_folder(Path(source), crease_angle, normals)
         scene, crease = _load_file(Path(source))
     elif isinstance(source, Scene):
         return source
@@ -71,8 +73,15 @@ def save(source: object, path: str | os.PathLike[str]) -> None:
         write(scene, path)
 
 
+def _load_folder(folder: Path, crease_angle: float | None, normals: bool) -> Scene:
+    from luxel.io.folder import joined, model_files, object_count
+
+    scenes = (load(path, crease_angle=crease_angle, normals=normals) for path in model_files(folder, READERS))
+    return joined(folder.name, ((scene, object_count(scene)) for scene in scenes))
+
+
 def _load_file(path: Path) -> tuple[Scene, float]:
-    read: Callable[[Path], Scene] = _module(_READERS, path).load
+    read: Callable[[Path], Scene] = _module(READERS, path).load
     with door(path.name):
         scene = read(path)
         scene.check()

@@ -81,6 +81,12 @@ def read_bytes(path: Path, where: object | None = None) -> Array:
         return np.fromfile(file, np.uint8)
 
 
+def map_bytes(path: Path, where: object | None = None) -> Array:
+    """As `read_bytes`, and what nobody looks at is not read; what is written into it stays with this process."""
+    with open_plain(path, where) as file:
+        return np.asarray(np.memmap(file, np.uint8, "c"))
+
+
 @contextmanager
 def atomic_write(path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
     """A binary file that takes `path`'s place only when the block ends well; otherwise `path` stays as it was.

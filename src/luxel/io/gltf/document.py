@@ -19,7 +19,7 @@ import numpy as np
 
 from luxel.arrays import Array
 from luxel.errors import FileError, UnsupportedError
-from luxel.io.files import read_bytes
+from luxel.io.files import map_bytes, read_bytes
 
 _REQUIRED = object()
 _JSON, _BIN = 0x4E4F534A, 0x004E4942
@@ -111,8 +111,10 @@ class Part:
 class Document(Part):
     """A whole file: the root part, its numbered objects, and its buffers' bytes."""
 
-    def __init__(self, path: Path) -> None:
-        raw = read_bytes(path)
+    def __init__(self, path: Path, mapped: bool = False) -> None:
+        """Read a file; `mapped` reads of its buffers only what is looked at."""
+        self._read = map_bytes if mapped else read_bytes
+        raw = self._read(path)
         self.path = path
         self.binary: Array | None = None
         self.chunks: list[tuple[int, Array]] = []  # type and bytes of a GLB's chunks that are neither JSON nor its binary buffer
@@ -193,7 +195,7 @@ class Document(Part):
             return _data_uri(uri, where)
         if re.match(r"[A-Za-z][A-Za-z0-9+.-]+://", uri):
             raise UnsupportedError(where, f"{uri[:80]!r} is not a local file")
-        return read_bytes(self.path.parent / file_name(uri), where)
+        return self._read(self.path.parent / file_name(uri), where)
 
 
 def file_name(uri: str) -> str:

@@ -29,8 +29,8 @@ class Geometry:
     weights: Array | None = None  # (n, 4) float32
 
 
-def read_primitive(document: Document, part: Part, morph: tuple[float, ...], name: str, material: int) -> Geometry | None:
-    """One primitive as a mesh with the morph targets added at weights `morph`; None where it draws no triangles."""
+def drawn_attributes(part: Part) -> Part | None:
+    """The attributes of a primitive; None, which is said, where it draws no triangles."""
     mode = part.integer("mode", 4)
     if mode not in _DRAWN_MODES:
         if mode > 6:
@@ -41,7 +41,24 @@ def read_primitive(document: Document, part: Part, morph: tuple[float, ...], nam
     if attributes is None or not attributes.has("POSITION"):
         tell(part.where, "has no POSITION and is dropped")
         return None
+    return attributes
 
+
+def declared_triangles(document: Document, part: Part) -> int:
+    """How many triangles the accessors of a primitive that is drawn promise: none is read, so some may be dropped."""
+    attributes = part.part("attributes")
+    assert attributes is not None
+    owner, key = (part, "indices") if part.has("indices") else (attributes, "POSITION")
+    count: int = document.item("accessors", owner.integer(key), owner.where).integer("count", low=1)
+    return count // 3 if part.integer("mode", 4) == 4 else max(0, count - 2)
+
+
+def read_primitive(document: Document, part: Part, morph: tuple[float, ...], name: str, material: int) -> Geometry | None:
+    """One primitive as a mesh with the morph targets added at weights `morph`; None where it draws no triangles."""
+    attributes = drawn_attributes(part)
+    if attributes is None:
+        return None
+    mode = part.integer("mode", 4)
     positions = read(document, attributes.integer("POSITION"), attributes.where, types=("VEC3",))
     rows = len(positions)
 

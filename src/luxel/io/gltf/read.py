@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -14,10 +15,11 @@ from luxel.errors import FileError, UnsupportedError
 from luxel.io.files import tell
 from luxel.io.gltf.accessors import read
 from luxel.io.gltf.document import Document, Part
-from luxel.io.gltf.geometry import Geometry, read_primitive, skinned
+from luxel.io.gltf.geometry import Geometry, declared_triangles, drawn_attributes, read_primitive, skinned
 from luxel.io.gltf.materials import Textures, default_material, own_extras, read_material
 from luxel.scene.camera import Camera
 from luxel.scene.light import Ambient, Light
+from luxel.scene.mesh import Mesh
 from luxel.scene.scene import Instance, Scene
 
 _SUPPORTED = {
@@ -53,6 +55,29 @@ def load(path: Path) -> Scene:
     _check_extensions(document)
     scene = Scene(name=path.stem)
     _Reader(document, scene).run()
+    return scene
+
+
+class Later:
+    """A primitive that is not read yet, in place of a scene's mesh.
+
+    Attributes:
+        count: Triangles that it promises.
+        make: Reads it.
+    """
+
+    def __init__(self, count: int, make: Callable[[], Mesh]) -> None:
+        self.count, self.make, self.material = count, make, -1
+
+
+def outline(path: Path) -> Scene | None:
+    """As `load`, but what its buffers hold of meshes is left there: a `Later` for each; None for files with skins, which must be read."""
+    document = Document(path, mapped=True)
+    _check_extensions(document)
+    if document.count("skins"):
+        return None
+    scene = Scene(name=path.stem)
+    _Outliner(document, scene).run()
     return scene
 
 
@@ -168,12 +193,15 @@ class _Reader:
         key = (json.dumps(part.data, sort_keys=True), weights)
         if key not in self._geometries:
             name = own_extras(part).text("name", name)
-            geometry = read_primitive(self.document, part, weights, name, self._material(part))
+            geometry = self._geometry(part, weights, name)
             self._geometries[key] = None
             if geometry is not None:
                 self.scene.meshes.append(geometry.mesh)
                 self._geometries[key] = (len(self.scene.meshes) - 1, geometry)
         return self._geometries[key]
+
+    def _geometry(self, part: Part, weights: tuple[float, ...], name: str) -> Geometry | None:
+        return read_primitive(self.document, part, weights, name, self._material(part))
 
     def _material(self, primitive: Part) -> int:
         index = primitive.integer("material", None)
@@ -270,6 +298,22 @@ class _Reader:
                 node.part.text("name", "") or part.text("name", ""),
             )
         )
+
+
+class _Outliner(_Reader):
+    """Reads all but meshes."""
+
+    def _geometry(self, part: Part, weights: tuple[float, ...], name: str) -> Any:
+        material = self._material(part)
+        if drawn_attributes(part) is None:
+            return None
+
+        def make() -> Mesh:
+            geometry = read_primitive(self.document, part, weights, name, material)
+            assert geometry is not None
+            return geometry.mesh
+
+        return Geometry(cast(Mesh, Later(declared_triangles(self.document, part), make)))
 
 
 def _local(part: Part) -> Array:
