@@ -12,12 +12,16 @@ import numpy as np
 from luxel import jit
 from luxel.arrays import Array
 from luxel.jit import bits_float, float_bits
+from luxel.memory import reusable
 from luxel.radiosity.hemicube import FACES, ItemBuffers
 from luxel.raster.constants import NOTHING
 from luxel.raster.cover import BEHIND
 
+_ONE = np.uint64(1)
 _MOST = 12
 """Bytes of a pixel that is a run of its own, at most."""
+
+_TOGETHER = 16  # shooters: room for the most bytes that all of them may take would be asked for, and cleared, in vain
 
 
 @jit.inlined
@@ -26,26 +30,22 @@ def _write(value, at, out):
     while value > 127:
         out[at] = np.uint8(value & 127 | 128)
         value >>= 7
-        at += 1
+        at += _ONE
     out[at] = np.uint8(value)
-    return at + 1
+    return at + _ONE
 
 
 @jit.inlined
 def _read(at, data):
     """A number, and where the next one is."""
-    value, shift = np.int64(0), 0
-    while data[at] > 127:
-        value |= np.int64(data[at] & 127) << shift
+    byte = np.int64(data[at])
+    value, shift = byte & 127, 7
+    while byte > 127:
+        at += _ONE
+        byte = np.int64(data[at])
+        value |= (byte & 127) << shift
         shift += 7
-        at += 1
-    return value | np.int64(data[at]) << shift, at + 1
-
-
-@jit.inlined
-def _guess(before, last, k):
-    """The bits of depth `k` of a run, from the two before."""
-    return 2 * last - before if k > 1 else last
+    return value, at + _ONE
 
 
 @jit.parallel_kernel
@@ -53,19 +53,22 @@ def _pack(queue, start, resolutions, depth, ids, out, lengths):
     depth, ids, out = jit.borrow(depth), jit.borrow(ids), jit.borrow(out)
     s = jit.take(queue)
     while s < len(lengths):
-        into, at, last = out[s], 0, np.int64(0)
-        i, end, width = np.int64(start[s]), np.int64(start[s + 1]), np.int64(resolutions[s])
-        while i < end:
-            row_end, first = i + width - (i - start[s]) % width, i
-            while i < row_end and ids[i] == ids[first]:
-                i += 1
-            at = _write(np.int64(ids[first]) - NOTHING, _write(i - first, at, into), into)
-            before = last
-            for k in range(i - first if ids[first] != NOTHING else 0):
-                bits = np.int64(float_bits(depth[first + k]))
-                off = bits - _guess(before, last, k)
-                at = _write(2 * off if off >= 0 else -2 * off - 1, at, into)
-                before, last = last, bits
+        into, at, last = out[s], np.uint64(0), np.int64(0)
+        i, width = np.uint64(start[s]), np.uint64(resolutions[s])
+        for _ in range(np.uint64(start[s + 1] - start[s]) // width):
+            end = i + width
+            while i < end:
+                first, item = i, ids[i]
+                while i < end and ids[i] == item:
+                    i += _ONE
+                at = _write(np.int64(item) - NOTHING, _write(np.int64(i - first), at, into), into)
+                slope = np.int64(0)
+                for k in range(first, i if item != NOTHING else first):
+                    bits = np.int64(float_bits(depth[k]))
+                    off = bits - last - slope
+                    at = _write((off << 1) ^ (off >> 63), at, into)
+                    slope = bits - last if k > first else np.int64(0)
+                    last = bits
         lengths[s] = at
         s = jit.take(queue)
 
@@ -75,22 +78,23 @@ def _unpack(queue, start, begin, data, depth, ids):
     depth, ids, data = jit.borrow(depth), jit.borrow(ids), jit.borrow(data)
     s = jit.take(queue)
     while s < len(begin) - 1:
-        at, i, last = np.int64(begin[s]), np.int64(start[s]), np.int64(0)
-        while i < start[s + 1]:
+        at, i, last = np.uint64(begin[s]), np.uint64(start[s]), np.int64(0)
+        while i < np.uint64(start[s + 1]):
             count, at = _read(at, data)
             item, at = _read(at, data)
             item += NOTHING
-            before = last
-            for k in range(count):
-                ids[i + k] = item
+            end, slope = i + np.uint64(count), np.int64(0)
+            for k in range(i, end):
+                ids[k] = item
                 if item == NOTHING:
-                    depth[i + k] = BEHIND
+                    depth[k] = BEHIND
                     continue
                 off, at = _read(at, data)
-                bits = _guess(before, last, k) + (off >> 1 if off & 1 == 0 else -(off + 1 >> 1))
-                depth[i + k] = bits_float(np.int32(bits))
-                before, last = last, bits
-            i += count
+                bits = last + slope + ((off >> 1) ^ -(off & 1))
+                depth[k] = bits_float(np.int32(bits))
+                slope = bits - last if k > i else np.int64(0)
+                last = bits
+            i = end
         s = jit.take(queue)
 
 
@@ -98,9 +102,14 @@ def pack(seen: ItemBuffers, threads: int) -> tuple[Array, Array]:
     """What s shooters see, as bytes (n,) uint8; and how many each of them has, (s,) int64."""
     count = len(seen.resolution)
     most = FACES * int(seen.resolution.max(initial=0)) ** 2 * _MOST
-    out, lengths = np.empty((count, most), np.uint8), np.zeros(count, np.int64)
-    jit.run(_pack, threads, seen.start, seen.resolution, seen.depth, seen.ids, out, lengths)
-    return np.concatenate([np.zeros(0, np.uint8), *(row[:length] for row, length in zip(out, lengths, strict=True))]), lengths
+    out, lengths = reusable((min(count, _TOGETHER), most), np.uint8), np.zeros(count, np.int64)
+    packed = [np.zeros(0, np.uint8)]
+    for first in range(0, count, _TOGETHER):
+        last = min(first + _TOGETHER, count)
+        some = lengths[first:last]
+        jit.run(_pack, threads, seen.start[first : last + 1], seen.resolution[first:last], seen.depth, seen.ids, out, some)
+        packed += [row[:length].copy() for row, length in zip(out, some, strict=False)]
+    return np.concatenate(packed), lengths
 
 
 def unpack(data: Array, lengths: Array, start: Array, depth: Array, ids: Array, threads: int) -> None:
