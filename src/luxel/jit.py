@@ -34,8 +34,8 @@ from luxel.errors import InputError
 
 __all__ = [
     "DISABLED", "array_data", "available_threads", "borrow", "cache_folder", "cgutils", "checked_threads", "compiled", "count_bits", "device",
-    "digest", "floor", "inlined", "intrinsic", "ir", "kernel", "lowest_bit", "on_compile", "parallel_kernel", "part", "prefetch", "run", "take",
-    "types",
+    "digest", "floor", "floor32", "inlined", "intrinsic", "ir", "kernel", "lowest_bit", "on_compile", "parallel_kernel", "part", "prefetch", "run",
+    "take", "types",
 ]  # fmt: skip
 
 def _skip_blas_probe() -> None:
@@ -175,6 +175,9 @@ def parallel_kernel(function: Callable[..., Any]) -> Any:
 
 floor = np.floor
 """Of a float64, a float64; a GPU has another."""
+
+floor32 = np.floor
+"""Of a float32, a float32; a GPU has another."""
 
 DISABLED = bool(numba.config.DISABLE_JIT)
 """NUMBA_DISABLE_JIT is set: kernels run as plain Python, for debuggers and coverage."""

@@ -30,7 +30,7 @@ _note_direct = _settle.note_direct
 _forget = _settle.forget
 _take_stock = _settle.take_stock
 _share_stock = _settle.share_stock
-_SCRATCH, _STACK, _CORNERS = _look.SCRATCH, _look.STACK, _shoot.MOST
+_SCRATCH, _STACK, _CUT, _SPARE = _look.SCRATCH, _look.STACK, _shoot.MOST + 1, 2 * _shoot.MOST
 _ROW, _DEEPEST = _shoot.SCRATCH, _shoot.DEEPEST
 
 
@@ -75,7 +75,7 @@ def shine(n, _, scene, numbers, table, at, reach, result):
 
 @jit.kernel
 def draw_cubes(n, m, lanes, cubes):
-    p, q = np.empty((_CORNERS + 1, 7)), np.empty((2 * _CORNERS, 7))
+    p, q = np.empty((_CUT, 7)), np.empty((_SPARE, 7))
     for j in range(m):
         for i in range(n):
             _draw_triangle(i, j, lanes, cubes, p, q)

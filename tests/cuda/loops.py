@@ -11,7 +11,7 @@ from luxel.cuda.threads import draw as draw_source
 from luxel.cuda.threads import shade as shade_source
 from luxel.cuda.threads import views as views_source
 
-_BITS = ("float_bits", "bits_float", "lowest_bit", "count_bits", "prefetch", "floor")
+_BITS = ("float_bits", "bits_float", "lowest_bit", "count_bits", "prefetch", "floor", "floor32")
 
 
 def _nothing(kernel):

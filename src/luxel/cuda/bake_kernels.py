@@ -32,7 +32,7 @@ _note_direct = _settle.note_direct
 _forget = _settle.forget
 _take_stock = _settle.take_stock
 _share_stock = _settle.share_stock
-_SCRATCH, _STACK, _CORNERS = _look.SCRATCH, _look.STACK, _shoot.MOST
+_SCRATCH, _STACK, _CUT, _SPARE = _look.SCRATCH, _look.STACK, _shoot.MOST + 1, 2 * _shoot.MOST
 _ROW, _DEEPEST = _shoot.SCRATCH, _shoot.DEEPEST
 
 
@@ -90,7 +90,7 @@ def shine(n, _, scene, numbers, table, at, reach, result):
 def draw_cubes(n, m, lanes, cubes):
     """`threads.shoot.draw_triangle`."""
     i, j = cuda.grid(2)
-    p, q = cuda.local.array((_CORNERS + 1, 7), np.float64), cuda.local.array((2 * _CORNERS, 7), np.float64)
+    p, q = cuda.local.array((_CUT, 7), np.float64), cuda.local.array((_SPARE, 7), np.float64)
     if i < n and j < m:
         _draw_triangle(i, j, lanes, cubes, p, q)
 

@@ -26,6 +26,9 @@ if SIMULATED:
     def _floor(value):
         return np.floor(value)
 
+    def _floor32(value):
+        return np.floor(value)
+
 else:
 
     def _float_bits(value):
@@ -42,6 +45,9 @@ else:
 
     def _floor(value):
         return libdevice.floor(value)
+
+    def _floor32(value):
+        return libdevice.floorf(value)
 
 
 def _prefetch(array, index):
@@ -73,7 +79,7 @@ def _nothing(kernel):
 _JIT = SimpleNamespace(
     DISABLED=True, device=function, part=function, inlined=function, kernel=_nothing, parallel_kernel=_nothing, float_bits=function(_float_bits),
     bits_float=function(_bits_float), lowest_bit=function(_lowest_bit), count_bits=function(_count_bits), prefetch=function(_prefetch),
-    floor=function(_floor),
+    floor=function(_floor), floor32=function(_floor32),
 )  # fmt: skip
 _MACHINE = SimpleNamespace(keep_least=keep_least, keep_most=keep_most, add=add)
 

@@ -6,6 +6,8 @@ neighbours, and nothing that matters is that thin.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from luxel import jit
@@ -53,7 +55,7 @@ def free_spot(free, k):
 def point_of(numbers, i, spot, lift):
     """A spot of element `i`, `lift` of its side above the surface; metres, float32."""
     a, b = _spot_part(spot)
-    lift *= np.sqrt(numbers[AREA, i])
+    lift *= math.sqrt(numbers[AREA, i])
     x = numbers[PX, i] + lift * numbers[GX, i] + a * numbers[UX, i] + b * numbers[VX, i]
     y = numbers[PY, i] + lift * numbers[GY, i] + a * numbers[UY, i] + b * numbers[VY, i]
     z = numbers[PZ, i] + lift * numbers[GZ, i] + a * numbers[UZ, i] + b * numbers[VZ, i]

@@ -16,7 +16,7 @@ import numpy as np
 
 from luxel import jit
 from luxel.arrays import Array
-from luxel.jit import float_bits
+from luxel.jit import float_bits, floor32
 from luxel.radiosity import packet
 from luxel.radiosity.directions import cosine_directions, turned
 from luxel.radiosity.element import AREA, FREE, GX, GY, GZ, LIFT, NX, NZ, SPOTS, free_spot, point_of
@@ -77,7 +77,7 @@ def _element_at(hit, back, x, y, z, lookup):
     m = lookup.maps
     u, v = m[hit, 0] * x + m[hit, 1] * y + m[hit, 2] * z + m[hit, 3], m[hit, 4] * x + m[hit, 5] * y + m[hit, 6] * z + m[hit, 7]
     rows, columns = lookup.element.shape[2], lookup.element.shape[3]
-    row, column = min(max(np.int64(np.floor(v)), 0), rows - 1), min(max(np.int64(np.floor(u)), 0), columns - 1)
+    row, column = min(max(np.int64(floor32(v)), 0), rows - 1), min(max(np.int64(floor32(u)), 0), columns - 1)
     return lookup.element[back, lookup.page[hit], row, column]
 
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from luxel import jit
 from luxel.arrays import Array
-from luxel.jit import float_bits
+from luxel.jit import float_bits, floor32
 from luxel.memory import reusable
 from luxel.raster.clip import clip_polygon
 from luxel.raster.constants import NOTHING
@@ -138,7 +138,7 @@ def is_within(right, up, axis, near):
 def snapped(right, up, axis, half, near):
     """Where a corner is on its face, in fixed point, and its depth."""
     scale = _F(1.0) / axis
-    return _I(np.floor(right * scale * half + half + _F(0.5))), _I(np.floor(half - up * scale * half + _F(0.5))), near * scale
+    return _I(floor32(right * scale * half + half + _F(0.5))), _I(floor32(half - up * scale * half + _F(0.5))), near * scale
 
 
 @jit.part

@@ -16,6 +16,7 @@ import numpy as np
 
 from luxel import jit
 from luxel.arrays import Array
+from luxel.jit import floor
 from luxel.radiosity.bvh import build
 
 _REPEAT, _CLAMP, _MIRROR = range(3)
@@ -100,10 +101,10 @@ def _alpha(scene, row, u, v):
     start, width, height = scene.masks[row, 0], scene.masks[row, 1], scene.masks[row, 2]
     wrap_u, wrap_v = scene.masks[row, 3], scene.masks[row, 4]
     if scene.masks[row, 5]:
-        x, y = np.int64(np.floor(u * width)), np.int64(np.floor(v * height))
+        x, y = np.int64(floor(u * width)), np.int64(floor(v * height))
         return np.float64(scene.alpha[start + _wrapped(y, height, wrap_v) * width + _wrapped(x, width, wrap_u)])
     u, v = u * width - 0.5, v * height - 0.5
-    x, y = np.int64(np.floor(u)), np.int64(np.floor(v))
+    x, y = np.int64(floor(u)), np.int64(floor(v))
     s, t = u - x, v - y
     top, bottom = start + _wrapped(y, height, wrap_v) * width, start + _wrapped(y + 1, height, wrap_v) * width
     left, right = _wrapped(x, width, wrap_u), _wrapped(x + 1, width, wrap_u)

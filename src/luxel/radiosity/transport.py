@@ -14,13 +14,14 @@ formula; see `transfer`.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from luxel import jit
 from luxel.arrays import Array
-from luxel.jit import bits_float, float_bits
+from luxel.jit import bits_float, float_bits, floor32
 from luxel.radiosity.batch import ELEMENTS
 from luxel.radiosity.element import AREA, FREE, GX, LIFT, NX, NY, NZ, PX, PY, PZ, UX, VX, free_spot, point_of
 from luxel.radiosity.hemicube import FACES, ItemBuffers, delta_form_factors
@@ -121,8 +122,8 @@ def all_averted(bounds, center, frame):
     if frame[2, 0] * x + frame[2, 1] * y + frame[2, 2] * z < -radius:
         return True
     facing = -(bounds[4] * x + bounds[5] * y + bounds[6] * z)
-    length = np.sqrt(bounds[4] * bounds[4] + bounds[5] * bounds[5] + bounds[6] * bounds[6]) + bounds[7]
-    return facing + bounds[7] * np.sqrt(x * x + y * y + z * z) + radius * length < _F(0.0)
+    length = math.sqrt(bounds[4] * bounds[4] + bounds[5] * bounds[5] + bounds[6] * bounds[6]) + bounds[7]
+    return facing + bounds[7] * math.sqrt(x * x + y * y + z * z) + radius * length < _F(0.0)
 
 
 @jit.inlined
@@ -230,7 +231,7 @@ def aim(count, center, frame, place, resolution, near, c):
         face = _I(0) if top else ((_I(1) if lx > zero else _I(2)) if flank else (_I(3) if ly > zero else _I(4)))
         near_by = one / axis
         px, py = right * near_by * scale + scale - half, scale - half - up * near_by * scale
-        ix, iy = min(max(np.floor(px), zero), last), min(max(np.floor(py), zero), last if top else last_low)
+        ix, iy = min(max(floor32(px), zero), last), min(max(floor32(py), zero), last if top else last_low)
         c[_WX + i], c[_WY + i] = min(max(px - ix, zero), one), min(max(py - iy, zero), one)
         c[CORNER + i] = bits_float(_I(_I(_I(face * size) + _I(iy)) * size) + _I(ix))
         over = limit / plane
