@@ -217,3 +217,18 @@ def test_layers_are_of_one_lamp_each_and_sum_to_the_whole(capsys, tmp_path):
     assert any("spark" in name for name in layers)
     assert all(layer.max() > 0.01 for layer in layers.values())
     assert np.abs(sum(layers.values()) - whole).max() < 0.03 * whole.max()
+
+
+def test_device(capsys, box, tmp_path, monkeypatch):
+    """Without a GPU `cuda` is an error before the scene is laid out, and `auto` bakes on the processor."""
+    pytest.importorskip("numba_cuda")
+    from luxel.cuda import device, door
+
+    device.gpu.cache_clear()
+    monkeypatch.setattr(door, "initialise", lambda: (_ for _ in ()).throw(OSError("CUDA driver library cannot be found.")))
+    assert "expected an NVIDIA GPU and its driver" in error_of(capsys, box, "-o", tmp_path / "a.glb", *QUICK, "--device", "cuda")
+    assert "--device" in error_of(capsys, box, "-o", tmp_path / "a.glb", *QUICK, "--device", "gpu")
+    assert main(["bake", str(box), "-o", str(tmp_path / "a.glb"), *QUICK, "--device", "auto"]) == 0
+    assert "baking on the processor" in capsys.readouterr().err
+    assert (tmp_path / "a.glb").exists()
+    device.gpu.cache_clear()

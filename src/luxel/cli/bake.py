@@ -42,6 +42,8 @@ File = Annotated[Path, typer.Argument(metavar="SCENE", help=_kinds, show_default
 Output = Annotated[Path | None, _option(None, "-o", "--output", metavar="OUT", help="The lit scene: .glb or .gltf [SCENE's name, _lit.glb, here].")]
 DryRun = Annotated[bool, _option(None, "--dry-run", help="Only lay the lightmap out, and tell what the bake would take.")]
 Threads = Annotated[str | None, _option(None, "--threads", metavar="N", help="Of the processor [all]. The light does not depend on it.")]
+_devices = "What bakes: cpu, cuda, or auto (a GPU if it can) [cpu]."
+Device = Annotated[str | None, _option(None, "--device", metavar="NAME", help=_devices)]
 
 _light = partial(_option, "Light")
 _skies = "Radiance of the sky, W/(m2 sr): a number, R,G,B, or a picture all around (.hdr, .exr, .png) [dark]."
@@ -77,6 +79,7 @@ def bake(
     output: Output = None,
     dry_run: DryRun = False,
     threads: Threads = None,
+    device: Device = None,
     sky: Sky = None,
     only_indirect: OnlyIndirect = False,
     quality: QualityName = "normal",
@@ -114,6 +117,7 @@ def bake(
             "tolerance": None if tolerance is None else values.number(tolerance, "--tolerance", "a share between 0 and 1", lambda x: 0 < x <= 1),
             "seconds": None if seconds_ is None else values.number(seconds_, "--seconds", above, lambda x: x > 0),
             "threads": None if threads is None else values.whole(threads, "--threads", 1),
+            "device": "cpu" if device is None else values.choice(device, ("cpu", "cuda", "auto"), "--device"),
             "checkpoint": checkpoint or output.with_name(f"{output.name}.state"),
             "resume": resume,
         }
