@@ -3,7 +3,7 @@
     python benchmarks/cluster.py [--write]      # runs itself under mpiexec
 
 A frame of 4 M triangles by two ranks beside one process with one thread; a scene that is all in one corner, divided dynamically and statically; what
-composition sends and takes; and the memory of each rank for 20 M triangles.
+composition sends and takes; the memory of each rank for 20 M triangles; and a bake by two ranks beside one, both with one thread each.
 """
 
 from __future__ import annotations
@@ -135,14 +135,54 @@ def memory(n: int = 2236) -> str:
     return table(["divided", "ranks", "largest rank, MB", "of one process"], body)
 
 
+def bake_rank(*qualities: str) -> None:
+    """One rank's part of bakes; rank 0 prints seconds of each, and what the ranks have sent and how long they have waited."""
+    from luxel.cluster.comm import world
+    from luxel.radiosity.bake import bake
+    from luxel.scene.builtin import room_complex
+
+    comm = world()
+    found: dict[str, Any] = {}
+    with comm.guard():
+        made = room_complex()
+        bake(made, quality="final", density=3, threads=1, comm=comm)  # compiles
+        for quality in qualities:
+            sent, waited = comm.sent, comm.waited
+            comm.gather(0)
+            start = time.perf_counter()
+            baked = bake(made, quality=quality, threads=1, comm=comm)
+            took = time.perf_counter() - start
+            of_all = comm.gather([comm.sent - sent, comm.waited - waited])
+            found[quality] = took, of_all
+    if comm.rank == 0:
+        print(json.dumps({"luxels": len(baked.luxels.area), "found": found}))
+
+
+def baking(repeats: int = 2) -> str:
+    """Bakes of the second of the paper's rooms, one rank and two in turn; the least of the times."""
+    qualities, body = ("normal", "final"), []
+    runs: dict[int, list[Any]] = {1: [], 2: []}
+    for count in (1, 2) * repeats:
+        line = ["mpiexec", "-n", str(count), sys.executable, __file__, "bake", *qualities]
+        done = subprocess.run(line, check=True, stdout=subprocess.PIPE, text=True, env={**os.environ, "LUXEL_THREADS": "1"})
+        runs[count].append(json.loads(done.stdout))
+    for quality in qualities:
+        one, two = (min(run["found"][quality] for run in runs[count]) for count in (1, 2))
+        idle = " ".join(f"{waited / two[0]:.0%}" for _, waited in two[1])
+        sent = np.mean([sent for sent, _ in two[1]]) / 1e6
+        body.append([quality, f"{runs[1][0]['luxels']:,}", f"{one[0]:.2f}", f"{two[0]:.2f}", f"{one[0] / two[0]:.2f}x", idle, f"{sent:.1f}"])
+    return table(["quality", "luxels", "one rank, s", "two ranks, s", "speed-up", "idle, each", "sent, MB a rank"], body)
+
+
 def main() -> None:
-    parts = {"speed": speed, "corner": corner, "composition": composition, "memory": memory}
+    parts = {"speed": speed, "corner": corner, "composition": composition, "memory": memory, "baking": baking}
     chosen = [word for word in sys.argv[1:] if word in parts] or list(parts)
     titles = {
         "speed": "4.0 M triangles, 1920x1080, one thread a rank; medians of 30 frames:",
         "corner": "A scene of 1 M triangles that is all in one corner:",
         "composition": "Bytes of composition, 1 M triangles, 1920x1080:",
         "memory": "20 M triangles from a binary PLY file, 1920x1080, peak of each process (a share above 1 M triangles stays in the file):",
+        "baking": "Bakes of `room-complex`, one thread a rank, without the pictures' gutters and seams, which rank 0 makes:",
     }
     text = "\n\n".join(f"{titles[name]}\n\n{parts[name]()}" for name in chosen)
     print(text)
@@ -154,6 +194,8 @@ if __name__ == "__main__":
     if sys.argv[1:2] == ["rank"]:
         what, source, repeats, *ways = sys.argv[2:]
         rank(what, source, int(repeats), *ways)
+    elif sys.argv[1:2] == ["bake"]:
+        bake_rank(*sys.argv[2:])
     elif sys.argv[1:2] == ["whole"]:
         luxel.render(sys.argv[2], size=SIZE, threads=1)
         print(peak())

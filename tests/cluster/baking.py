@@ -20,7 +20,7 @@ from luxel.cluster.items import pack, unpack
 from luxel.cluster.team import dealt
 from luxel.radiosity.ambient_occlusion import ambient_occlusion
 from luxel.radiosity.bake import Baked, bake, labour_of
-from luxel.radiosity.hemicube import frames_of, see
+from luxel.radiosity.hemicube import frames_of, room_for, see
 from luxel.radiosity.labour import Labour
 from luxel.scene.builtin import cornell_box
 
@@ -125,11 +125,11 @@ def dealing(comm: Comm) -> None:
         sizes = np.full(shooters, 32, np.int64)
         seen = see(positions, triangles, centers, frames, sizes, 1e-3, 1)
         data, lengths = pack(seen, 2)
-        depth, ids = np.zeros_like(seen.depth), np.zeros_like(seen.ids)
-        unpack(data, lengths, seen.start, depth, ids, 2)
+        got = room_for(sizes, seen.near)
+        unpack(data, lengths, got, 2)
         end = seen.start[-1]
-        assert depth[:end].tobytes() == seen.depth[:end].tobytes()
-        assert ids[:end].tobytes() == seen.ids[:end].tobytes()
+        assert got.depth[:end].tobytes() == seen.depth[:end].tobytes()
+        assert got.ids[:end].tobytes() == seen.ids[:end].tobytes()
         assert len(data) < 8 * end / 3  # noise of triangles: rooms are far below
 
 

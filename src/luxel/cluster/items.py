@@ -112,6 +112,6 @@ def pack(seen: ItemBuffers, threads: int) -> tuple[Array, Array]:
     return np.concatenate(packed), lengths
 
 
-def unpack(data: Array, lengths: Array, start: Array, depth: Array, ids: Array, threads: int) -> None:
-    """Write what `pack` told of s shooters to `depth` and `ids`, from `start` (s + 1,) on; see `ItemBuffers`."""
-    jit.run(_unpack, threads, start, np.append(0, np.cumsum(lengths)), data, depth, ids)
+def unpack(data: Array, lengths: Array, seen: ItemBuffers, threads: int) -> None:
+    """Write what `pack` told of s shooters to their item buffers."""
+    jit.run(_unpack, threads, seen.start, np.append(0, np.cumsum(lengths)), data, seen.depth, seen.ids)

@@ -14,11 +14,9 @@ import numpy as np
 from luxel.arrays import Array
 from luxel.cluster.comm import Comm
 from luxel.cluster.items import pack, unpack
-from luxel.memory import reusable
-from luxel.radiosity.hemicube import FACES, ItemBuffers
-from luxel.radiosity.labour import Drawn, Team
+from luxel.radiosity.hemicube import ItemBuffers
+from luxel.radiosity.labour import Team
 from luxel.radiosity.transport import BLOCK
-from luxel.raster.lanes import LANES
 
 T = TypeVar("T")
 
@@ -64,18 +62,16 @@ class Ranks(Team):
         result: T = self.comm.share(work() if self.leads else None)
         return result
 
-    def drawn(self, resolution: Array, near: float, draw: Callable[[int, int], Drawn]) -> Drawn:
+    def drawn(self, seen: ItemBuffers, draw: Callable[[int, int], Array]) -> Array:
         """Each rank draws a part of the hemicubes, and tells all others of it (`luxel.cluster.items`)."""
-        first, last = self.comm.share_out(len(resolution))[self.comm.rank]
-        data, lengths, escaped = np.zeros(0, np.uint8), np.zeros(0, np.int64), np.zeros((0, 2))
-        if last > first:
-            seen, escaped = draw(first, last)
-            data, lengths = pack(seen, self.threads)
-        data, lengths, escaped = (np.concatenate(self.comm.pool(part)) for part in (data, lengths, escaped))
-        start = np.append(0, np.cumsum(FACES * resolution**2))
-        depth, ids = (reusable((int(start[-1]) + LANES,), kind) for kind in (np.float32, np.int32))
-        unpack(data, lengths, start, depth, ids, self.threads)
-        return Drawn(ItemBuffers(start, resolution, depth, ids, near), escaped.reshape(-1, 2))
+        shares = self.comm.share_out(len(seen.resolution))
+        first, last = shares[self.comm.rank]
+        told = draw(first, last) if last > first else np.zeros((0, 2))
+        data, lengths = (self.comm.pool(part) for part in pack(seen.part(first, last), self.threads))
+        for rank, (begin, end) in enumerate(shares):
+            if rank != self.comm.rank:
+                unpack(data[rank], lengths[rank], seen.part(begin, end), self.threads)
+        return np.concatenate(self.comm.pool(told)).reshape(-1, 2)
 
 
 def dealt(n: int, grain: int, rank: int, size: int) -> Array:

@@ -67,6 +67,10 @@ class ItemBuffers(NamedTuple):
     ids: Array
     near: float
 
+    def part(self, first: int, last: int) -> ItemBuffers:
+        """Of shooters first .. last - 1, in the same arrays."""
+        return self._replace(start=self.start[first : last + 1], resolution=self.resolution[first:last])
+
 
 @jit.inlined
 def _bit(condition, bit):
@@ -244,12 +248,23 @@ def see(positions: Array, triangles: Array, centers: Array, frames: Array, resol
         resolution: (s,) int64, each of `RESOLUTIONS`.
         near: Metres; what is nearer, or no higher above the shooter's plane, is not seen.
     """
-    start = np.zeros(len(centers) + 1, np.int64)
+    seen = room_for(resolution, near)
+    see_into(seen, positions, triangles, centers, frames, threads)
+    return seen
+
+
+def room_for(resolution: Array, near: float) -> ItemBuffers:
+    """Item buffers of shooters that nothing is drawn in yet, not even that there is nothing; as in `see`."""
+    start = np.zeros(len(resolution) + 1, np.int64)
     np.cumsum(FACES * resolution**2, out=start[1:])
     depth, ids = reusable((int(start[-1]) + LANES,), np.float32), reusable((int(start[-1]) + LANES,), np.int32)
-    threads = min(threads, len(centers))
-    jit.run(_see, threads, positions, triangles, centers, frames, start, resolution, np.float32(near), depth, ids)
     return ItemBuffers(start, resolution, depth, ids, near)
+
+
+def see_into(seen: ItemBuffers, positions: Array, triangles: Array, centers: Array, frames: Array, threads: int) -> None:
+    """Draw the hemicubes of the shooters that `seen` has room for, as `see`; what lies behind them in its arrays is spoilt for `LANES` elements."""
+    near, threads = np.float32(seen.near), min(threads, len(centers))
+    jit.run(_see, threads, positions, triangles, centers, frames, seen.start, seen.resolution, near, seen.depth, seen.ids)
 
 
 def frames_of(normals: Array) -> Array:

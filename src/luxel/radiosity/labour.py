@@ -23,7 +23,7 @@ from luxel.arrays import Array
 from luxel.radiosity import gather
 from luxel.radiosity.direct import shine
 from luxel.radiosity.gather import Sight, View
-from luxel.radiosity.hemicube import ItemBuffers, see
+from luxel.radiosity.hemicube import ItemBuffers, room_for, see_into
 from luxel.radiosity.patches import Tree
 from luxel.radiosity.sky import shine_sky
 from luxel.radiosity.transport import BLOCK, Elements, Occluders, Shooters, Visibility, escapes, fill_rows, receive
@@ -67,9 +67,9 @@ class Team:
         """What `work` gives where the process leads, everywhere."""
         return work()
 
-    def drawn(self, resolution: Array, near: float, draw: Callable[[int, int], Drawn]) -> Drawn:
-        """What s shooters see, everywhere, where `draw(first, last)` tells it of some; `resolution` (s,) int64 and `near` as in `hemicube.see`."""
-        return draw(0, len(resolution))
+    def drawn(self, seen: ItemBuffers, draw: Callable[[int, int], Array]) -> Array:
+        """Have in `seen`, everywhere, what s shooters see, of which `draw(first, last)` draws some; returns what it tells of each, (s, 2) float64."""
+        return draw(0, len(seen.resolution))
 
 
 class Labour:
@@ -106,14 +106,14 @@ class Labour:
 
     def see(self, occluders: Occluders, who: Shooters, resolution: int, near: float) -> Drawn:
         """What shooters see; `resolution` and `near` as in `hemicube.see`."""
-        sizes = np.full(len(who.node), resolution, np.int64)
+        seen = room_for(np.full(len(who.node), resolution, np.int64), near)
 
-        def draw(first: int, last: int) -> Drawn:
-            centers, frames = who.centers[first:last], who.frames[first:last]
-            seen = see(occluders.positions, occluders.triangles, centers, frames, sizes[first:last], near, self.threads)
-            return Drawn(seen, escapes(centers, seen, occluders, self.threads))
+        def draw(first: int, last: int) -> Array:
+            some, centers = seen.part(first, last), who.centers[first:last]
+            see_into(some, occluders.positions, occluders.triangles, centers, who.frames[first:last], self.threads)
+            return escapes(centers, some, occluders, self.threads)
 
-        return self.team.drawn(sizes, near, draw)
+        return Drawn(seen, self.team.drawn(seen, draw))
 
     def fill_rows(self, elements: Elements, tree: Tree, source: Array, who: Shooters, seen: ItemBuffers, occluders: Occluders, rays: Visibility,
                   slots: Array, rows: Array) -> Array:  # fmt: skip
