@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from luxel.studies.study import Study
 
-NAMES: tuple[str, ...] = ("antialiasing", "hardware", "layout", "shading")
+NAMES: tuple[str, ...] = ("antialiasing", "cluster", "hardware", "layout", "shading")
 """The studies there are, each a module of this package."""
 
 
