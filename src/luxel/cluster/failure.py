@@ -20,7 +20,7 @@ from luxel.errors import LuxelError
 
 FAILED, INTERRUPTED = 2, 130
 _LAST_WORD = 0.5  # seconds that the launcher has to pass on what a rank said before it stops them all
-_CLEANING = 2.0  # seconds that rank 0 has, when all are interrupted, to remove what it was writing
+_CLEANING = 8.0  # seconds that rank 0 has, when all are interrupted, to end what it computes, keep a state, and remove what it was writing
 _SILENCE = 2.0  # seconds after one's word in which the others' is not news
 _PEACE, _SPOKEN, _FILE = b"\0", b"\1", b"\2"
 
