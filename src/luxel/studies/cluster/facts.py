@@ -62,7 +62,7 @@ def scene_of(kind: str, n: int, size: tuple[int, int]) -> tuple[luxel.Scene, lux
     whole = luxel.Scene.from_mesh(mesh)
     camera = frame(whole, size=size)
     if kind == "corner":
-        turn = camera.world_from_camera
+        turn = np.asarray(camera.world_from_camera)
         place = mesh.positions * 0.35 + (turn[:3, 0] * 1.3 - turn[:3, 1] * 0.65).astype(np.float32)
         whole = luxel.Scene.from_mesh(luxel.Mesh(place, mesh.triangles, mesh.normals))
     return whole, camera
