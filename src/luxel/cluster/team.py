@@ -28,7 +28,7 @@ class Ranks(Team):
         self.comm, self.threads, self.leads, self.size = comm, threads, comm.rank == 0, comm.size
 
     def mine(self, n: int, grain: int = BLOCK) -> Array:
-        """Every so many-th block of `grain`."""
+        """One block of `grain` in so many."""
         return dealt(n, grain, self.comm.rank, self.size)
 
     def join(self, part: Array, n: int, grain: int = BLOCK) -> Array:
@@ -39,7 +39,7 @@ class Ranks(Team):
         for rank, flat in enumerate(self.comm.pool(part)):
             theirs = flat.reshape(*lead, -1) if flat.size else np.empty((*lead, 0), part.dtype)
             whole = theirs.shape[-1] // grain
-            by_block[..., rank :: self.size, :][..., :whole, :] = theirs[..., : whole * grain].reshape(*lead, whole, grain)
+            by_block[..., blocks_of(n, grain, rank, self.size)[:whole], :] = theirs[..., : whole * grain].reshape(*lead, whole, grain)
             if theirs.shape[-1] > whole * grain:  # the last block of all is not full
                 padded[..., n // grain * grain : n] = theirs[..., whole * grain :]
         return np.ascontiguousarray(padded[..., :n])
@@ -74,8 +74,15 @@ class Ranks(Team):
         return np.concatenate(self.comm.pool(told)).reshape(-1, 2)
 
 
+def blocks_of(n: int, grain: int, rank: int, size: int) -> Array:
+    """(k,) int64: which blocks of `grain` are a rank's: one of every `size`, with each round the next, so that no rank has all the even ones."""
+    blocks = -(-n // grain)
+    rounds = np.arange(-(-blocks // size))
+    mine = rounds * size + (rank + rounds) % size
+    return mine[mine < blocks]
+
+
 def dealt(n: int, grain: int, rank: int, size: int) -> Array:
-    """(k,) int64: which of n items are a rank's: every `size`-th block of `grain`."""
-    blocks = np.arange(rank, -(-n // grain), size)
-    items = (blocks[:, None] * grain + np.arange(grain)).ravel()
+    """(k,) int64: which of n items are a rank's."""
+    items = (blocks_of(n, grain, rank, size)[:, None] * grain + np.arange(grain)).ravel()
     return items[items < n]
