@@ -1,8 +1,9 @@
 """Sky: its light on every element, from what elements see.
 
 The rays by which elements look around lie one each in cells of equal weight of the hemisphere (Hammersley points). A cell whose neighbours agree with
-it, for this element and those beside it, on whether the sky is there is taken as a whole; any other has sixteen rays more. What is much
-brighter than the rest, such as the sun, is left to directional lights (`direct`).
+it, for this element and those beside it, on whether the sky is there is taken as a whole; any other has sixteen rays more, or four where so many
+cells are at edges (in foliage, say) that these are enough. What is much brighter than the rest, such as the sun, is left to directional lights
+(`direct`).
 """
 
 from __future__ import annotations
@@ -25,8 +26,8 @@ _BRIGHT = 8.0  # times the mean: beyond, a pixel's light is directional lights'
 COARSE, FINE = 16, 64  # rows of the pictures that cells, and parts of cells, are looked up in
 TOGETHER = 16  # elements that tell each other what they see: a window too small for the rays of one is found by those of others
 _NO_SKY, _SKY, _EDGE = range(3)
-_SIDE = 4  # parts along a side of a cell
-_PARTS = _SIDE * _SIDE
+_FINELY, _COARSELY = 4, 2  # parts along a side of a cell at an edge: where few cells are, and where many are
+_FEW = 2  # few: at most one of so many
 
 
 def split(sky: Array) -> tuple[Array, Array]:
@@ -61,15 +62,29 @@ def _pixel(picture, dx, dy, dz):
 
 
 @jit.part
-def _cut(numbers, frame, i, a, b, part, wide, high, reach, local, c):
-    """A packet of rays through the parts of a cell, from `part` on."""
-    for r in range(np.uint64(WIDTH)):
-        k = part + np.int64(r)
-        local[0], local[1], local[2] = on_hemisphere((a + (k % _SIDE + 0.5) / _SIDE) / wide, (b + (k // _SIDE + 0.5) / _SIDE) / high)
-        dx, dy, dz = turned(frame, local)
-        c[OX + r], c[OY + r], c[OZ + r] = point_of(numbers, i, SPOTS, LIFT)
-        c[DX + r], c[DY + r], c[DZ + r] = dx, dy, dz
-        c[AT + r] = reach if numbers[GX, i] * dx + numbers[GY, i] * dy + numbers[GZ, i] * dz > 0.0 else np.float32(0.0)
+def _part(r, numbers, frame, i, a, b, part, side, wide, high, reach, local, c):
+    """Ray `r` of the packet goes through a part of a cell that has `side` times `side` of them."""
+    local[0], local[1], local[2] = on_hemisphere((a + (part % side + 0.5) / side) / wide, (b + (part // side + 0.5) / side) / high)
+    dx, dy, dz = turned(frame, local)
+    c[OX + r], c[OY + r], c[OZ + r] = point_of(numbers, i, SPOTS, LIFT)
+    c[DX + r], c[DY + r], c[DZ + r] = dx, dy, dz
+    c[AT + r] = reach if numbers[GX, i] * dx + numbers[GY, i] * dy + numbers[GZ, i] * dz > 0.0 else np.float32(0.0)
+
+
+@jit.part
+def _parts_light(rays, scene, fine, c, stack):
+    """The light that the first `rays` of a packet bring, (red, green, blue)."""
+    for r in range(rays, WIDTH):  # the others go nowhere
+        for row in (OX, OY, OZ, DX, DY, DZ):
+            c[row + np.uint64(r)] = c[row]
+        c[AT + np.uint64(r)] = np.float32(0.0)
+    packet.meet_all(scene, c, stack)
+    red = green = blue = 0.0
+    for r in range(np.uint64(rays)):
+        if float_bits(c[FOUND + r]) < 0 and c[AT + r] > np.float32(0.0):
+            row, column = _pixel(fine, c[DX + r], c[DY + r], c[DZ + r])
+            red, green, blue = red + fine[row, column, 0], green + fine[row, column, 1], blue + fine[row, column, 2]
+    return red, green, blue
 
 
 @jit.part
@@ -97,6 +112,12 @@ def light_of(i, some, kind, scene, numbers, frame, reach, coarse, fine, local, c
     """The light of the sky on element `i`, (red, green, blue) W/m2, through cells of each `kind` (wide, high), of which `some` are not dark."""
     wide, high = kind.shape
     red = green = blue = 0.0
+    edges = rays = 0
+    for a in range(wide if some else 0):
+        for b in range(high):
+            edges += kind[a, b] == _EDGE
+    side = _FINELY if edges * _FEW <= wide * high else _COARSELY
+    weight = 1.0 / (side * side)
     for a in range(wide if some else 0):
         for b in range(high):
             if kind[a, b] == _SKY:
@@ -105,15 +126,15 @@ def light_of(i, some, kind, scene, numbers, frame, reach, coarse, fine, local, c
                 row, column = _pixel(coarse, dx, dy, dz)
                 red, green, blue = red + coarse[row, column, 0], green + coarse[row, column, 1], blue + coarse[row, column, 2]
             elif kind[a, b] == _EDGE:
-                for part in range(0, _PARTS, WIDTH):
-                    _cut(numbers, frame, i, a, b, part, wide, high, reach, local, c)
-                    packet.meet_all(scene, c, stack)
-                    for r in range(np.uint64(WIDTH)):
-                        if float_bits(c[FOUND + r]) < 0 and c[AT + r] > np.float32(0.0):
-                            row, column = _pixel(fine, c[DX + r], c[DY + r], c[DZ + r])
-                            red += fine[row, column, 0] / _PARTS
-                            green += fine[row, column, 1] / _PARTS
-                            blue += fine[row, column, 2] / _PARTS
+                for part in range(side * side):
+                    _part(np.uint64(rays), numbers, frame, i, a, b, part, side, wide, high, reach, local, c)
+                    rays += 1
+                    if rays == WIDTH:
+                        more_red, more_green, more_blue = _parts_light(rays, scene, fine, c, stack)
+                        red, green, blue, rays = red + more_red * weight, green + more_green * weight, blue + more_blue * weight, 0
+    if rays > 0:
+        more_red, more_green, more_blue = _parts_light(rays, scene, fine, c, stack)
+        red, green, blue = red + more_red * weight, green + more_green * weight, blue + more_blue * weight
     share = math.pi / (wide * high)
     return red * share, green * share, blue * share
 
