@@ -1,4 +1,5 @@
 """luxel on a GPU: beside the memory traffic that no version can do without, luxel on the machine's processor, and nvdiffrast's CUDA rasteriser.
+Radiosity is in `gpu_bake`.
 
     python benchmarks/gpu.py                           # all parts
     python benchmarks/gpu.py frames --largest 1000000  # some
@@ -27,6 +28,7 @@ import luxel
 from luxel.cuda.device import gpu
 from luxel.cuda.frame import draw_views
 from luxel.cuda.resident import Resident
+from luxel.errors import LuxelError
 from luxel.raster.render import Options, Prepared, prepare, render
 from luxel.scene.builtin.bumpy import bumpy_sphere_scene
 from luxel.scene.framing import camera_for, turntable
@@ -34,7 +36,7 @@ from report import machine, median, meshes, milliseconds, table, write_section
 
 SIZE = (1920, 1080)
 SPHERES = (10_000, 100_000, 1_000_000, 10_000_000, 100_000_000)
-PARTS = ("ceilings", "frames", "stages", "samples", "split", "views", "relight", "first", "leak")
+PARTS = ("ceilings", "frames", "stages", "samples", "split", "views", "rooms", "growth", "relight", "first", "leak")
 RESULTS = Path(__file__).with_name("RESULTS-gpu.md")
 COLOR, IDS = Options(outputs=("color",)), Options(outputs=("triangle", "depth"))
 
@@ -120,7 +122,7 @@ def frames(largest: int) -> str:
         color = seconds(drawing(resident, [camera], SIZE, COLOR))
         ids = seconds(drawing(resident, [camera], SIZE, IDS))
         count, least = len(prepared.geometry.triangles), floor(prepared, SIZE, 1, rate)
-        cpu = median([_once(partial(render, prepared, camera, SIZE)) for _ in range(4)][1:])
+        cpu = median([once(partial(render, prepared, camera, SIZE)) for _ in range(4)][1:])
         peer = nvdiffrast(prepared, camera)
         rows.append([name, f"{count:,}", milliseconds(color), f"{count / color / 1e9:.2f}", milliseconds(least), f"{color / least:.1f}x",
                      milliseconds(cpu), f"{cpu / color:.0f}x", milliseconds(ids), "–" if peer is None else milliseconds(peer),
@@ -130,7 +132,8 @@ def frames(largest: int) -> str:
     return table(head, rows)
 
 
-def _once(job: Callable[[], Any]) -> float:
+def once(job: Callable[[], Any]) -> float:
+    """Seconds of one run."""
     start = time.perf_counter()
     job()
     return time.perf_counter() - start
@@ -155,7 +158,7 @@ def samples(largest: int) -> str:
     for text, options in (*((f"MSAA {n}", {"samples": n}) for n in (1, 2, 4, 8, 16)), ("SSAA 3x3", {"ssaa": 3}),
                           ("MSAA 4, Mitchell", {"samples": 4, "filter": "mitchell"})):  # fmt: skip
         here = seconds(drawing(resident, [camera], SIZE, Options(**options)))
-        cpu = median([_once(partial(render, prepared, camera, SIZE, **options)) for _ in range(4)][1:])
+        cpu = median([once(partial(render, prepared, camera, SIZE, **options)) for _ in range(4)][1:])
         rows.append([text, milliseconds(here), milliseconds(cpu), f"{cpu / here:.0f}x"])
     return f"{scene.triangle_count:,} triangles.\n\n" + table(["anti-aliasing", "GPU, ms", "processor, ms", "faster"], rows)
 
@@ -187,28 +190,9 @@ def views(largest: int) -> str:
         here = seconds(drawing(resident, cameras, (128, 128), COLOR), 7) / batch
         back = seconds(drawing(resident, cameras, (128, 128), COLOR, keep=False), 7) / batch
         rows.append([batch, f"{1 / here:,.0f}", f"{1 / back:,.0f}"])
-    cpu = _once(lambda: [render(prepared, camera, (128, 128)) for camera in around[:100]]) / 100
+    cpu = once(lambda: [render(prepared, camera, (128, 128)) for camera in around[:100]]) / 100
     text = f"{scene.triangle_count:,} triangles, 128x128. The processor, all cores: {1 / cpu:,.0f} views a second.\n\n"
     return text + table(["views in a batch", "views/s, left on the device", "views/s, fetched"], rows)
-
-
-def relight(largest: int) -> str:
-    """Kept transport of the radiosity paper's rooms, solved for other lights."""
-    from luxel.cuda.relight import resident
-    from luxel.radiosity.bake import bake
-    from luxel.scene.builtin import SCENES
-
-    rows = []
-    for name in ("room-simple", "room-complex"):
-        if name not in SCENES:
-            continue
-        transport = bake(SCENES[name](), transport=True).transport
-        there, emission = resident(transport), 2 * transport.emission
-        here = seconds(partial(there.solve, transport.powers(emission), None, transport.albedo, 1.0, 1e-3), 9)
-        whole = seconds(partial(transport.solve, emission, device="cuda"), 9)
-        cpu = median([_once(partial(transport.solve, emission)) for _ in range(6)][1:])
-        rows.append([name, f"{len(transport.area):,}", milliseconds(here), milliseconds(whole), milliseconds(cpu), f"{cpu / whole:.0f}x"])
-    return table(["scene", "elements", "left on the device, ms", "fetched, ms", "processor, ms", "faster"], rows)
 
 
 _FIRST = (
@@ -250,15 +234,28 @@ def leak(largest: int) -> str:
     return f"10,000 frames of 320x240 in {taken:.1f} s: {grown[0]:+.1f} MB on the device, {grown[1]:+.1f} MB in the process."
 
 
+def part(name: str) -> Callable[[int], str]:
+    """What makes a table."""
+    if name in ("rooms", "growth", "relight"):
+        import gpu_bake
+
+        return getattr(gpu_bake, name)
+    return globals()[name]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("parts", nargs="*", choices=[*PARTS, []], help="which tables; all if none is named")
     parser.add_argument("--largest", type=int, default=SPHERES[-1], help="triangles")
     parser.add_argument("--write", action="store_true", help="keep the tables in RESULTS-gpu.md")
     arguments = parser.parse_args()
+    try:
+        gpu()
+    except LuxelError as error:
+        raise SystemExit(f"gpu: {error}") from None
     for name in arguments.parts or PARTS:
         started = time.perf_counter()
-        text = ceilings() if name == "ceilings" else globals()[name](arguments.largest)
+        text = ceilings() if name == "ceilings" else part(name)(arguments.largest)
         print(f"## {name}\n\n{text}\n\n({time.perf_counter() - started:.0f} s)\n", flush=True)
         if arguments.write:
             write_section(name.capitalize(), f"{text}\n\n{gpu().name}; {machine()}", RESULTS)

@@ -48,6 +48,22 @@ def relit():
     np.testing.assert_allclose(light, transport.solve(tolerance=1e-5), rtol=5e-3, atol=5e-3 * light.max())
 
 
+def baked():
+    """Looked around, lit by a lamp, a light and a sky, gathered; and the brightest patches first."""
+    from luxel.cuda import labour
+    from luxel.radiosity.bake import bake
+    from luxel.radiosity.elements import Quality
+    from luxel.scene.builtin import cornell_box
+
+    scene = cornell_box()
+    scene.lights = [luxel.Light("directional", intensity=0.3)]
+    for number, quality in enumerate((Quality(2, 16, 1, 4, 4, tolerance=0.1), Quality(2, 16, 0, 0, 0, tolerance=0.5, patch=40, resolution=16))):
+        labour._FEW_TRIANGLES, sky = (1000, 0.5) if number == 0 else (0, None)  # first by warps
+        ours, theirs = (bake(scene, density=1.2, sky=sky, quality=quality, device=device) for device in ("cpu", "cuda"))
+        np.testing.assert_allclose(theirs.irradiance, ours.irradiance, rtol=1e-5, atol=1e-5 * ours.irradiance.max())
+        assert len(theirs.ledger) == len(ours.ledger)
+
+
 if __name__ == "__main__":
     with np.errstate(all="ignore"):
         globals()[sys.argv[1]]()

@@ -18,7 +18,7 @@ from luxel.arrays import Array
 from luxel.cuda.device import find
 from luxel.cuda.threads.draw import EMPTY
 from luxel.cuda.threads.look import TOGETHER, Eyes, Sky
-from luxel.cuda.threads.settle import ABSORBED, GONE, GOT, HERE, PARTS, POWER, SENT, SHARES, SUMS
+from luxel.cuda.threads.settle import ABSORBED, GONE, GOT, HERE, PARTS, POWER, SENT, SUMS
 from luxel.cuda.threads.shoot import Cubes, Receivers, Shots
 from luxel.errors import DeviceError, LuxelWarning
 from luxel.radiosity.direct import AT
@@ -35,6 +35,7 @@ from luxel.radiosity.transport import BLOCK, Elements, Occluders, Shooters, Visi
 _F = np.float32
 _RAYS_AT_ONCE = 1 << 26  # of one launch: after each, progress is told, and Ctrl-C heard
 _FEW_TRIANGLES = 1 << 14  # up to so many are drawn by a warp each, more by a thread each
+_SHARES, _EACH = 8192, 16  # most threads that share a sum, and how much each has at least
 _ELEMENT_BYTES = 320  # beside what its rays meet and its entries in rows
 
 
@@ -241,7 +242,7 @@ class GpuState(State):
         self._sent = gpu.array(np.zeros((n + 3, 4), _F))
         self._gained, self._absorbed = gpu.empty((3, n), _F), gpu.empty(state.power.shape, np.float64)
         self._next = {name: gpu.empty(getattr(state, name).shape, kind) for name, kind in (("received", _F), ("unshot", _F), ("power", np.float64))}
-        self._shares, self._sums = gpu.array(np.zeros((SUMS, SHARES))), gpu.array(np.zeros((SUMS, PARTS)))
+        self._shares, self._sums = gpu.array(np.zeros((SUMS, max(PARTS, min(_SHARES, n // _EACH))))), gpu.array(np.zeros((SUMS, PARTS)))
         self._one, self._scale = gpu.array(np.ones(3, _F)), gpu.empty((3,), _F)
         self._chosen: Any = None
 
@@ -269,7 +270,7 @@ class GpuState(State):
         gpu, k, n = self.gpu, self.kernels, len(sight.away)
         gpu.launch(k.send_unshot, (n, 1), self.there["unshot"], self._sent)
         gpu.launch(k.gather_mean, (n, 1), 0, sight.hits, self._sent, self._gained)
-        gpu.launch(k.share_sent, (SHARES, 1), self._numbers, sight.away, self._sent, self._gained, self._shares)
+        gpu.launch(k.share_sent, (self._shares.shape[1], 1), self._numbers, sight.away, self._sent, self._gained, self._shares)
         gpu.launch(k.add_up, (PARTS, ABSORBED), 0, self._shares, self._sums)
         gpu.launch(k.find_scale, (3, 1), self._sums, self._scale)
         sums = self._step(self._gained, self._scale, False)
@@ -287,7 +288,7 @@ class GpuState(State):
             gpu.launch(k.forget, (len(self._chosen), 1), self._chosen, self._starts, self._albedo, gained, next_["unshot"])
         gpu.launch(k.take_stock, (len(self._absorbed), 3), self._numbers, self._starts, self._albedo, gained, next_["unshot"], next_["power"],
                    self._absorbed)  # fmt: skip
-        gpu.launch(k.share_stock, (SHARES, 1), next_["power"], self._absorbed, next_["received"], next_["unshot"], self._shares)
+        gpu.launch(k.share_stock, (self._shares.shape[1], 1), next_["power"], self._absorbed, next_["received"], next_["unshot"], self._shares)
         gpu.launch(k.add_up, (PARTS, SUMS - ABSORBED), ABSORBED, self._shares, self._sums)
         return np.asarray(gpu.host(self._sums).sum(1))
 

@@ -1,7 +1,7 @@
 """Settle: light on its way from element to element, and the ledger's sums, as `luxel.radiosity.solve`.
 
-Sums over elements or patches are taken in two steps and in an order that does not depend on when threads run: of `SHARES` threads each adds up every
-SHARES-th number, and of `PARTS` each every PARTS-th of these. What is left is added up, in order, by whoever needs it.
+Sums over elements or patches are taken in two steps and in an order that does not depend on when threads run: of s threads each adds up every s-th
+number, and of `PARTS` each every PARTS-th of these `shares`. What is left is added up, in order, by whoever needs it.
 
 Arrays of n elements are (3, n) float32, as in `luxel.radiosity.solve.State`: `received` and `direct` irradiance, `unshot` radiosity, and `gained`,
 the irradiance that a step brings.
@@ -16,7 +16,7 @@ from luxel.radiosity.element import AREA
 from luxel.radiosity.solve import SCALES
 
 _F = np.float32
-SHARES, PARTS = 8192, 64
+PARTS = 64
 
 # Rows of the sums: by channel, watts sent, watts of these that go away, and watts that arrive; then watts absorbed and watts to shoot; and last, over
 # all elements, what is to shoot as a share of what was received.
@@ -35,7 +35,7 @@ def share_sent(t, numbers, away, sent, gained, shares):
     """Share `t` of what is sent, of what of it goes away, by the `away` (n,) float64 of `Sight`, and of what arrives."""
     for c in range(3):
         whole = gone = got = 0.0
-        for i in range(t, len(away), SHARES):
+        for i in range(t, len(away), shares.shape[1]):
             radiosity, area = np.float64(sent[i + 3, c]), np.float64(numbers[AREA, i])
             whole += radiosity * area
             gone += radiosity * away[i]
@@ -45,9 +45,9 @@ def share_sent(t, numbers, away, sent, gained, shares):
 
 @part
 def add_up(t, row, shares, sums):
-    """Part `t` of the sum in a row: shares (SUMS, SHARES), sums (SUMS, PARTS) float64."""
+    """Part `t` of the sum in a row: shares (SUMS, s), sums (SUMS, PARTS) float64."""
     total = 0.0
-    for k in range(t, SHARES, PARTS):
+    for k in range(t, shares.shape[1], PARTS):
         total += shares[row, k]
     sums[row, t] = total
 
@@ -109,12 +109,12 @@ def share_stock(t, power, absorbed, received, unshot, shares):
     """Share `t` of what is absorbed and to shoot, and of what elements have still to shoot as shares of what they have received."""
     for c in range(3):
         kept = shot = 0.0
-        for p in range(t, len(power), SHARES):
+        for p in range(t, len(power), shares.shape[1]):
             kept += absorbed[p, c]
             shot += power[p, c]
         shares[ABSORBED + c, t], shares[POWER + c, t] = kept, shot
     here = 0.0
-    for i in range(t, received.shape[1], SHARES):
+    for i in range(t, received.shape[1], shares.shape[1]):
         there = received[0, i] + received[1, i] + received[2, i]
         if there > _F(0.0):
             here += np.float64((unshot[0, i] + unshot[1, i] + unshot[2, i]) / there)
