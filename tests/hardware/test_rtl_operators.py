@@ -1,4 +1,5 @@
-"""Every operator of the circuit, bit for bit what the model computes: all pairs of corner words, thousands of random ones, stopped at random."""
+"""Every operator of the circuit, bit for bit what the model computes: all pairs of corner words and thousands of random ones, for the paper's
+modules tens of thousands, stopped at random."""
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from luxel.hardware.formats import FLOAT32, Format
 from luxel.hardware.interpolator import LUXEL, PAPER
 from luxel.hardware.reciprocal import SMALL, WIDE, table
 from luxel.hardware.rtl.area import Area, AreaFloat
-from luxel.hardware.rtl.barycentric import COLORS, Barycentrics, Color
+from luxel.hardware.rtl.barycentric import COLORS, Barycentrics, Channel, Color
 from luxel.hardware.rtl.floats import Add, Convert, FromInteger, Multiply
 from luxel.hardware.rtl.product import HardProduct, WideProduct, signed, unsigned
 from luxel.hardware.rtl.reciprocal import Inverse, Reciprocal
@@ -22,6 +23,7 @@ from luxel.hardware.rtl.simulate import compute
 from luxel.hardware.scan import CENTRE
 
 EDGE, RECIPROCAL = LUXEL.edge_format, LUXEL.reciprocal_format
+MANY = 10000
 
 
 def at_random(seed=1, share=0.8):
@@ -80,10 +82,10 @@ def test_reciprocal(f, words):
     assert np.array_equal(found["reciprocal"], rows.reciprocal(inputs, f))
 
 
-@pytest.mark.parametrize("precision", [LUXEL, PAPER])
-def test_inverse(precision):
+@pytest.mark.parametrize(("precision", "count"), [(LUXEL, MANY), (PAPER, 1500)])
+def test_inverse(precision, count):
     rng = np.random.default_rng(7)
-    areas = np.concatenate([rng.integers(1, 1 << 42, 3000) >> rng.integers(0, 42, 3000), 1 << np.arange(42)]).clip(1)
+    areas = np.concatenate([rng.integers(1, 1 << 42, count) >> rng.integers(0, 42, count), 1 << np.arange(42)]).clip(1)
     found = compute(Inverse(42, precision), {"area": areas}, at_random())
     assert np.array_equal(found["inverse"], interpolator.inverse_area(areas, precision))
 
@@ -112,14 +114,15 @@ def corners_of(rng, count, bits):
     return corners
 
 
-@pytest.mark.parametrize("bits", [21, 16])
-def test_area(bits):
-    corners = corners_of(np.random.default_rng(10), 1500, bits)
+@pytest.mark.parametrize(("bits", "count"), [(21, MANY), (16, 1000)])
+def test_area(bits, count):
+    corners = corners_of(np.random.default_rng(10), count, bits)
     edges = scan.edges(corners)
-    found = compute(Area(bits), circuits.columns(corners), at_random())
-    assert np.array_equal(found["area"], edges.area)
-    assert np.array_equal(found["flipped"], edges.flipped)
-    word = compute(AreaFloat(bits), circuits.columns(corners))["float32"]
+    some = slice(1000)
+    found = compute(Area(bits), circuits.columns(corners[some]), at_random())
+    assert np.array_equal(found["area"], edges.area[some])
+    assert np.array_equal(found["flipped"], edges.flipped[some])
+    word = compute(AreaFloat(bits), circuits.columns(corners), at_random())["float32"]
     assert np.array_equal(word, FLOAT32.from_integer(np.where(edges.flipped, -edges.area, edges.area)))
 
 
@@ -151,22 +154,35 @@ def test_set_up():
         assert np.array_equal((found[f"e{i}"] + found[f"under{i}"] << 8 | found[f"fraction{i}"])[there], values[there, i])
 
 
-@pytest.mark.parametrize("precision", [LUXEL, PAPER])
-def test_barycentrics(precision):
+@pytest.mark.parametrize(("precision", "count"), [(LUXEL, MANY), (PAPER, 1500)])
+def test_barycentrics(precision, count):
     rng = np.random.default_rng(12)
-    area = rng.integers(1, 1 << 42, 3000) >> rng.integers(0, 42, 3000)
+    area = rng.integers(1, 1 << 42, count) >> rng.integers(0, 42, count)
     area = area.clip(1)
-    l_ca = (rng.random(3000) * (area + 1)).astype(np.int64).clip(0, area)
-    l_ab = (rng.random(3000) * (area - l_ca + 1)).astype(np.int64).clip(0, area - l_ca)
+    l_ca = (rng.random(count) * (area + 1)).astype(np.int64).clip(0, area)
+    l_ab = (rng.random(count) * (area - l_ca + 1)).astype(np.int64).clip(0, area - l_ca)
     inverse = interpolator.inverse_area(area, precision)
     found = compute(Barycentrics(42, precision), {"l_ca": l_ca, "l_ab": l_ab, "inverse": inverse}, at_random())
     for name, words in zip(("alpha", "beta", "gamma"), interpolator.barycentrics(inverse, l_ca, l_ab, precision)):
         assert np.array_equal(found[name], words)
 
 
+def test_channel():
+    """Any words, those of corners among them, and weights with colours between 0 and 1."""
+    rng = np.random.default_rng(16)
+    words = [circuits.random_words(rng, FLOAT24, MANY) for _ in range(6)]
+    for k in range(6):
+        words[k][: MANY // 4] = rng.choice(circuits.corner_words(FLOAT24), MANY // 4)
+        words[k][MANY // 2 :] = FLOAT24.from_float(rng.random(MANY // 2))
+    found = compute(Channel(), dict(zip(("alpha", "beta", "gamma", "a", "b", "c"), words)), at_random())
+    expected = interpolator.interpolate(*words[:3], np.stack(words[3:], 1)[..., None])
+    assert np.array_equal(found["value"], expected[:, 0])
+
+
 def test_color():
+    """Three channels, each with colours of its own."""
     rng = np.random.default_rng(13)
-    words = [circuits.random_words(rng, FLOAT24, 1500) for _ in range(12)]
+    words = [circuits.random_words(rng, FLOAT24, 600) for _ in range(12)]
     words[0][:26] = words[5][:26] = words[11][:26] = circuits.corner_words(FLOAT24)
     found = compute(Color(), dict(zip(("alpha", "beta", "gamma", *COLORS), words)), at_random())
     expected = interpolator.interpolate(*words[:3], np.array(words[3:]).T.reshape(-1, 3, 3))

@@ -7,11 +7,13 @@ import pytest
 
 pytest.importorskip("amaranth", reason="the extra hdl is not installed")
 
+import circuits
+
 import luxel
 from luxel.cli import main
 from luxel.errors import InputError
-from luxel.hardware import float24
-from luxel.hardware.rtl import draw
+from luxel.hardware import float24, interpolator, scan
+from luxel.hardware.rtl import cxx, draw
 from luxel.scene.builtin import bumpy_sphere_scene
 from luxel.studies.hardware import pictures
 
@@ -42,6 +44,40 @@ def test_a_fragment_a_clock_in_a_picture():
     corners, colors = pictures.triangle(160)
     _, found = through_circuit(corners, colors, 160, "cxx")
     assert 0 <= found.clocks - found.first - len(found.x) <= 8
+
+
+@compiled
+@pytest.mark.parametrize(("offered", "taken"), [(1, 1), (0.6, 0.7)])
+def test_thousands_of_random_triangles(offered, taken):
+    """Every module at once, on tens of thousands of fragments, with stalls at both ends."""
+    rng = np.random.default_rng(3)
+    corners, colors = circuits.triangles(rng, 6000), circuits.colors(rng, 6000)
+    found = cxx.Program().draw(corners, colors, 60, 45, offered, taken)
+    parts = [scan.scan(each, 60, 45) for each in corners]
+    there = [k for k, part in enumerate(parts) if len(part.x)]
+    x, y = (np.concatenate([getattr(parts[k], name) for k in there]) for name in "xy")
+    triangle = np.repeat(there, [len(parts[k].x) for k in there])
+    assert len(x) > 40000
+    assert np.array_equal(np.array(there)[found.triangle], triangle)
+    assert np.array_equal(np.stack([found.x, found.y]), np.stack([x, y]))
+    expected = interpolator.shade(corners, colors, x * 256 + scan.CENTRE, y * 256 + scan.CENTRE, triangle)
+    assert np.array_equal(found.colors, expected)
+    stalls = found.clocks - found.first
+    assert stalls >= len(x) / taken * 0.98
+
+
+@compiled
+def test_the_program_is_kept(tmp_path, monkeypatch):
+    """What the circuit is made from says which program it is; a new one says that it is compiled."""
+    kept = cxx.Program().path
+    assert kept.exists()
+    assert cxx.Program().path == kept
+    monkeypatch.setattr(cxx, "_digest", lambda: "another")
+    made = []
+    monkeypatch.setattr(cxx, "_compile", lambda units, driver, path: made.append((len(units), path.name)))
+    cxx.Program(compiling=lambda: made.append("compiling"))
+    assert made == ["compiling", (made[1][0], "interpolator-21-another")]
+    assert made[1][0] > 20
 
 
 @compiled

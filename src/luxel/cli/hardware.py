@@ -14,6 +14,7 @@ from luxel.errors import FileError, InputError
 
 EXAMPLE = "luxel hardware synth --liberty cells.lib"
 HELP = "The colour interpolator as a circuit: Verilog, pictures through its simulation, synthesis."
+_COMPILING = "compiling the simulation of the circuit, about a minute; only the first run waits for it ..."
 _MODULES = "area, reciprocal, scan, barycentrics, color, whole"
 Modules = Annotated[list[str] | None, typer.Option("--module", metavar="NAME", help=f"Which, of {_MODULES}; may be repeated.", show_default=False)]
 
@@ -54,7 +55,8 @@ def render(
     values.output(output, EXTENSIONS)
     using = draw.simulator(simulator)
     start = time.perf_counter()
-    picture, found = draw.render(load(scene), size=(width, height), using=using)
+    with console.work("circuit"):
+        picture, found = draw.render(load(scene), size=(width, height), using=using, compiling=lambda: console.note(_COMPILING))
     picture.save(output)
     took = time.perf_counter() - start
     data = {
@@ -98,7 +100,7 @@ def synth(
             rows = report.rows_of(each, lambda design: report.in_cells(design, folder, cells), progress)
         else:
             rows = report.rows_of(each, lambda design: report.on_ecp5(design, folder, counts[0], device, counts[1], counts[2]), progress)
-    what = f"{library.name}, typical or what the file says, before layout" if library else f"ECP5 {device}, speed {speed}, median of {seeds} seeds"
+    what = f"{library.name}, before layout" if library else f"ECP5 {device}, speed {speed}, median of {seeds} seeds"
     text = f"{what}\n\n{report.table(rows)}\n\n" + "\n".join(f"{row['module']}: {row['slowest path']}" for row in rows)
     console.result({"target": what, "paper_MHz": report.PAPER_MHZ, "modules": rows}, text)
 

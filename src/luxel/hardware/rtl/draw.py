@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -12,12 +13,13 @@ from luxel.fixed import SUBPIXEL_LOG2
 from luxel.hardware.float24 import ONE
 from luxel.hardware.rtl.area import CORNERS
 from luxel.hardware.rtl.barycentric import COLORS
-from luxel.hardware.rtl.cxx import Drawn, program
+from luxel.hardware.rtl.cxx import Drawn, Program
 from luxel.hardware.rtl.simulate import run
 from luxel.hardware.rtl.whole import COORDINATE_BITS, Interpolator
 from luxel.hardware.scan import scan
 from luxel.hardware.synthesis import tools
 
+Compiling = Callable[[], object] | None
 SIMULATORS = ("cxx", "amaranth")
 WIDE_BITS = 26
 """Of coordinates as far out as the rasteriser's guard band; the circuit has fewer by default."""
@@ -36,7 +38,7 @@ def simulator(name: str = "auto") -> str:
     return name
 
 
-def draw(corners: Array, colors: Array, width: int, height: int, using: str = "auto") -> Drawn:
+def draw(corners: Array, colors: Array, width: int, height: int, using: str = "auto", compiling: Compiling = None) -> Drawn:
     """Send triangles through the circuit.
 
     Args:
@@ -44,6 +46,7 @@ def draw(corners: Array, colors: Array, width: int, height: int, using: str = "a
         colors: (m, 3, 3) uint32, float24 words: of each corner, three channels.
         width, height: Of the picture, pixels.
         using: A simulator.
+        compiling: Called before it is compiled, which happens once.
 
     Raises:
         InputError: The picture is too large.
@@ -53,7 +56,7 @@ def draw(corners: Array, colors: Array, width: int, height: int, using: str = "a
     reach = 1 << COORDINATE_BITS - 1
     bits = COORDINATE_BITS if not corners.size or (corners.min() >= -reach and corners.max() < reach) else WIDE_BITS
     if simulator(using) == "cxx":
-        return program(bits).draw(corners, colors, width, height)
+        return Program(bits, compiling).draw(corners, colors, width, height)
     count = sum(len(scan(each, width, height).x) for each in corners)
     columns = {key: corners[:, k // 2, k % 2] for k, key in enumerate(CORNERS)} | {key: colors[:, k // 3, k % 3] for k, key in enumerate(COLORS)}
     found = run(Interpolator(bits), columns, count, right=width - 1, bottom=height - 1)
@@ -91,12 +94,12 @@ class _Circuit:
             self.colors.append(colors)
         return self.known[key]
 
-    def draw(self, width: int, height: int, using: str) -> Drawn:
+    def draw(self, width: int, height: int, using: str, compiling: Compiling) -> Drawn:
         """All triangles noted; a second time for alpha, if that counts."""
         self.size = width, height
         corners = np.array(self.corners, np.int64).reshape(-1, 3, 2)
         colors = np.array(self.colors, np.uint32).reshape(-1, 3, 4)
-        found = draw(corners, colors[..., :3], width, height, using)
+        found = draw(corners, colors[..., :3], width, height, using, compiling)
         alpha = np.full(len(found.x), ONE, np.uint32)
         if self.blend:
             alpha = draw(corners, np.repeat(colors[..., 3:], 3, -1), width, height, using).colors[:, 0]
@@ -106,7 +109,8 @@ class _Circuit:
         return found
 
 
-def render(scene: Any, camera: Any = None, size: tuple[int, int] = (320, 240), using: str = "auto", **options: Any) -> tuple[Any, Drawn]:
+def render(scene: Any, camera: Any = None, size: tuple[int, int] = (320, 240), using: str = "auto", compiling: Compiling = None,
+           **options: Any) -> tuple[Any, Drawn]:  # fmt: skip
     """A scene through the circuit: the bytes of `luxel.render(scene, camera, size, shading="hardware")`.
 
     The rasteriser says which triangles are seen; those are sent, whole, and of their fragments those are kept that are seen.
@@ -114,6 +118,7 @@ def render(scene: Any, camera: Any = None, size: tuple[int, int] = (320, 240), u
     Args:
         scene, camera, size: As in `luxel.render`; up to 4096 pixels a side.
         using: A simulator.
+        compiling: Called before it is compiled, which happens once.
         options: More of `luxel.render`'s; one sample a pixel.
 
     Returns:
@@ -126,5 +131,5 @@ def render(scene: Any, camera: Any = None, size: tuple[int, int] = (320, 240), u
     circuit = _Circuit(any(material.alpha_mode == "BLEND" for material in prepared.scene.materials))
     prepared = prepared._replace(hardware=circuit)
     rasterise(prepared, camera, size, threads=1, **options)
-    found = circuit.draw(*size, using)
+    found = circuit.draw(*size, using, compiling)
     return rasterise(prepared, camera, size, **options), found

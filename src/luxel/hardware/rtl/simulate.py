@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from amaranth import Cat
 from amaranth.sim import Simulator
 
 from luxel.arrays import Array
@@ -26,6 +27,14 @@ class Run(NamedTuple):
     sent: Array
 
 
+def joined(columns: Sequence[Any], widths: Sequence[int]) -> list[int]:
+    """Rows of integers as one number each, the first column lowest: a simulator settles after all that is set, so all is set at once."""
+    total = np.zeros(len(columns[0]), object)
+    for column, width, offset in zip(columns, widths, np.cumsum([0, *widths])):
+        total |= (np.asarray(column).astype(object) & (1 << width) - 1) << int(offset)
+    return list(total)
+
+
 def compute(operator: Operator, inputs: dict[str, Array], goes: Callable[[int], bool] | None = None) -> dict[str, Array]:
     """The outputs of an operator, one set of inputs a clock.
 
@@ -37,14 +46,15 @@ def compute(operator: Operator, inputs: dict[str, Array], goes: Callable[[int], 
     Returns:
         (n,) int64 arrays, by its outputs.
     """
-    rows = list(zip(*(np.asarray(inputs[key]).tolist() for key in operator.i)))
+    rows = joined([inputs[key] for key in operator.i], [len(signal) for signal in operator.i.values()])
+    both = Cat(operator.go_next, *operator.i.values())
     found: list[list[int]] = []
 
     async def bench(ctx: Any) -> None:
-        taken = clock = 0
+        taken = clock = shown = 0
         while len(found) < len(rows):
             going = goes is None or goes(clock)
-            ctx.set(operator.go_next, int(going))
+            ctx.set(both, shown << 1 | int(going))
             await ctx.tick()
             clock += 1
             if not going:
@@ -52,9 +62,7 @@ def compute(operator: Operator, inputs: dict[str, Array], goes: Callable[[int], 
             # It goes on the clock that comes: what is at its inputs is taken, what is at its outputs has gone all the way.
             if taken >= operator.latency:
                 found.append([int(ctx.get(signal)) for signal in operator.o.values()])
-            if taken < len(rows):
-                for signal, value in zip(operator.i.values(), rows[taken]):
-                    ctx.set(signal, value)
+            shown = rows[min(taken, len(rows) - 1)]
             taken += 1
 
     simulator = Simulator(operator.module())
@@ -79,7 +87,9 @@ def run(component: Any, inputs: dict[str, Array], count: int, offered: Callable[
     Raises:
         TimeoutError: After `limit` clocks fewer than `count` have left.
     """
-    rows = list(zip(*(np.asarray(column).tolist() for column in inputs.values())))
+    layout = component.i.payload.shape()
+    rows = joined([inputs[key] for key in layout.members], [layout[key].width for key in layout.members])
+    offer = Cat(component.i.valid, component.i.payload)
     found: list[list[int]] = []
     clocks: list[int] = []
     sent: list[int] = []
@@ -92,9 +102,7 @@ def run(component: Any, inputs: dict[str, Array], count: int, offered: Callable[
             while offered is not None and not offered(clock):
                 await ctx.tick()
                 clock += 1
-            for key, value in zip(inputs, row):
-                ctx.set(component.i.payload[key], value)
-            ctx.set(component.i.valid, 1)
+            ctx.set(offer, row << 1 | 1)
             ready = 0
             while not ready:
                 _, _, ready = await ctx.tick().sample(component.i.ready)

@@ -15,7 +15,7 @@ from luxel.studies.study import Context, Study
 PAPER = "A hardware triangle colourer by barycentric interpolation (2016)"
 PARTS: tuple[Callable[[Context, Report], None], ...] = (
     tables.formats, tables.smallest_tables, tables.bits_and_error, accuracy.widths, accuracy.families, accuracy.area,
-    pictures.blocks_table, pictures.shown, circuit.modules, circuit.recorded,
+    pictures.blocks_table, pictures.shown, circuit.modules, circuit.throughput, circuit.recorded,
 )  # fmt: skip
 """What is measured, in the order of the report."""
 
