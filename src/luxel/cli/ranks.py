@@ -8,9 +8,12 @@ import resource
 import sys
 import time
 import warnings
+from collections.abc import Callable
 from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from luxel.cli.console import Console, seconds
 from luxel.errors import InputError, LuxelWarning
@@ -46,6 +49,8 @@ def draw_file(console: Console, comm: Comm, file: Path, output: Path, size: tupl
     cameras, before = comm.share(_cameras(view, shared, size) if comm.rank == 0 else None)
     shading, cull = options.pop("shading"), options.pop("cull")
     renderer = Renderer(shared._replace(outline=shared.scene), comm, divide, composition, balance, shading, cull)
+    if len(cameras):
+        compile_first(comm, lambda: _draw_little(shared, cameras[0], options, (divide, composition, balance, shading, cull)))
     loaded = time.perf_counter()
     paths = view.paths(output, len(cameras))
     with console.work("drawing") as report:
@@ -68,6 +73,28 @@ def draw_file(console: Console, comm: Comm, file: Path, output: Path, size: tupl
     console.result(data, f"{what}  ({size[0]}x{size[1]}, {shared.triangles:,} triangles; {comm.size} ranks share {_KINDS[divide]}; {times})")
 
 
+def compile_first(comm: Comm, work: Callable[[], Any]) -> None:
+    """Have rank 0 do a little of the work by itself, so that it compiles what is not compiled yet, once, and the others find it in the cache."""
+    if comm.rank == 0 and comm.size > 1:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", LuxelWarning)
+            work()
+    comm.gather(None)
+
+
+def _draw_little(shared: Shared, camera: Any, options: dict[str, Any], ways: tuple[str, str, str, str | None, str]) -> None:
+    from luxel.cluster.comm import Comm
+    from luxel.cluster.render import Renderer
+    from luxel.cluster.slices import sliced
+    from luxel.cluster.sort_last import Team
+
+    scene = sliced(shared.scene, 0, 64)
+    count = scene.triangle_count
+    team = None if shared.team is None else Team(Comm(), Comm(), 0, 1, np.array([0, count]), shared.team.composition)
+    Renderer(shared._replace(scene=scene, outline=scene, team=team, triangles=count, stream=None), Comm(), *ways).render(
+        camera, (48, 27), previous_camera=camera if "motion" in options["outputs"] else None, **options)  # fmt: skip
+
+
 def _cameras(view: View, shared: Shared, size: tuple[int, int]) -> tuple[Any, Any]:
     cameras = view.cameras(shared.outline, size)
     return cameras, view.cameras_before(cameras, shared.outline, size)
@@ -87,10 +114,19 @@ def optimize_with_ranks(console: Console, file: Path, output: Path | None, optio
         agree(comm, (file,), options=options, output=output, measures=measures, check=check)
         warn_of_crowds(comm, options.threads)
         with console.work("ordering") as told:
+            compile_first(comm, lambda: _order_little(options))
             report, scenes, shared = optimize_file(file, output, options, comm, measures=measures, check=check, progress=told)
         if picture is not None and shared:
             raise InputError("--picture: ranks that share a file hold no whole mesh to draw; without mpiexec it is drawn")
     return None if comm.rank else (report, scenes)
+
+
+def _order_little(options: Options) -> None:
+    from luxel.layout.optimize import Report, optimize_scene
+    from luxel.scene.builtin import bumpy_sphere
+    from luxel.scene.scene import Scene
+
+    optimize_scene(Scene.from_mesh(bumpy_sphere(4)), options, Report(options.target))
 
 
 def share_lightmap(shared: Shared, path: Path, comm: Comm) -> None:
