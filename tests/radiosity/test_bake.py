@@ -145,6 +145,21 @@ def test_what_lies_in_a_solid_takes_no_part(lamp_room):
     assert baked.valid[outside].all()
 
 
+def test_thousands_of_tiny_charts_are_lit_like_any_other():
+    """Loose triangles much smaller than a luxel: each has one, and what it sees of an even sky is between nothing and all."""
+    rng = np.random.default_rng(5)
+    corners = rng.random((2000, 1, 3)) + rng.normal(size=(2000, 3, 3)) * 0.01
+    scene = Scene()
+    scene.add(Mesh(corners.reshape(-1, 3), np.arange(6000).reshape(-1, 3)), matte(0.5))
+    baked = bake(scene, quality="draft", density=15, sky=1.0)
+    assert baked.finished
+    assert len(baked.luxels.area) >= 2000
+    light = baked.irradiance[baked.valid]
+    assert light.min() >= 0
+    assert light.max() <= np.pi * 1.01  # what is passed on is scaled, by tenths of a per cent, so that none is lost
+    assert 0.4 * np.pi < light.mean() < np.pi  # the soup is thin
+
+
 def test_no_light_and_no_surface_are_errors():
     with pytest.raises(InputError, match="nothing shines"):
         bake(box(matte(0.5)), density=4)
