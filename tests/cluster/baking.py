@@ -77,7 +77,7 @@ def light(comm: Comm, *cases: str) -> None:
         assert all(each == everyone[0] for each in everyone)
 
 
-def few(comm: Comm) -> None:
+def few(comm: Comm, *_: str) -> None:
     """Fewer luxels than ranks."""
     corners = np.float32([[0, 0, 0], [0.5, 0, 0], [0, 0, 0.4]])
     scene = Scene.from_mesh(Mesh(corners, np.array([[0, 2, 1]])), Material(double_sided=True))
@@ -88,20 +88,21 @@ def few(comm: Comm) -> None:
             assert dict(bytes_of(mine)) == dict(bytes_of(bake(scene, density=2, **options)))
 
 
-def occlusion(comm: Comm) -> None:
+def occlusion(comm: Comm, *_: str) -> None:
+    """All ranks have it."""
     baked = bake(cornell_box(), comm=comm, **FEW)
     mine = ambient_occlusion(baked.atlas, baked.luxels, 0.3, labour=labour_of(None, comm))
     assert mine.tobytes() == ambient_occlusion(baked.atlas, baked.luxels, 0.3, threads=1).tobytes()
 
 
-def pictures(comm: Comm) -> None:
+def pictures(comm: Comm, *_: str) -> None:
     """A lit scene is drawn by ranks as by one process."""
     scene = bake(lamps(), density=9, quality="draft", comm=comm).scene
     assert all(mesh.texcoords1 is not None for mesh in scene.meshes)
     against_one(comm, scene, around(), (96, 64), WAYS[:1] + WAYS[2:], tile=16, samples=4, outputs=("color", "linear", "triangle"))
 
 
-def dealing(comm: Comm) -> None:
+def dealing(comm: Comm, *_: str) -> None:
     """Every item is somebody's, once; parts are put where they belong, whatever is left over; hemicubes come through whole."""
     team = labour_of(None, comm).team
     for n in (0, 1, 5, 16, 17, 100, 333):

@@ -120,6 +120,7 @@ if __name__ == "__main__":
         fails(comm)
     else:
         with comm.guard():
-            {"messages": messages, "transforms": transforms, "filters": filters, "bands": bands, "odd": odd, "fails": fails}[name](comm)
+            for each in name.split(","):
+                {"messages": messages, "transforms": transforms, "filters": filters, "bands": bands, "odd": odd, "fails": fails}[each](comm)
         if comm.rank == 0:
             print(f"{name}: {comm.size} ranks agree")
