@@ -24,7 +24,9 @@ ORDER = ("area", "reciprocal", "scan", "barycentrics", "color", "whole")
 ABOUT = """The circuit of `luxel.hardware.rtl`, by `luxel hardware synth`. Latency includes the FIFOs at the end; `scan` includes set-up, and the
 whole has everything once. On an ECP5 memories are look-up tables, and ranges are over the seeds of the placer. Standard cells are IHP's SG13G2
 (0.13 µm, the paper's node), typical corner 1.2 V and 25 °C, **before layout**: no wires, an ideal clock, paths between registers; memories are
-flip-flops there. Every module takes one triangle or fragment a clock, so Fmax is what it does a second."""
+flip-flops there. Every module takes one triangle or fragment a clock, so Fmax is what it does a second.
+
+`luxel study hardware` takes 68 s on two cores, with `--quick` 14 s; `luxel study shading` 42 s and 14 s."""
 NAMES = {"sg13g2_typ_1p20V_25C.lib": "SG13G2, typical corner"}
 
 

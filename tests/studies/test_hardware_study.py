@@ -90,6 +90,16 @@ def test_blocks_add_up(results):
     assert results[1]["blocks"][-1]["accepted, %"] > results[1]["blocks"][0]["accepted, %"] == 0
 
 
+def test_a_fragment_leaves_on_every_clock_that_takes_one(results):
+    """Of triangles of some pixels; small ones leave clocks unused, as one is set up every three."""
+    pytest.importorskip("amaranth", reason="the extra hdl is not installed")
+    rows = results[1]["throughput"]
+    assert {row["receiver takes on"] for row in rows} == {"7 of 10, at random"}
+    assert [row["with a fragment, %"] for row in rows if row["pixels each"] > 5] == [100, 100]
+    assert 20 < rows[0]["with a fragment, %"] < 60
+    assert rows[0]["pixels each"] < 1
+
+
 def circuit_part(folder, quick):
     report = Report(folder, find("hardware"), quick=quick)
     circuit.modules(Context(quick=quick), report)
