@@ -58,8 +58,9 @@ def rooms(largest: int) -> str:
             runs = [timed(name, "cuda", quality=quality) for _ in range(4)][1:]
             here = sorted(runs, key=lambda run: run.light)[1]
             cpu = median([timed(name, "cpu", quality=quality).light for _ in range(4)][1:])
-            rows.append([name, quality, f"{len(here.baked.luxels.area):,}", f"{here.before:.2f}", milliseconds(here.looking),
-                         milliseconds(here.light), len(here.baked.ledger), milliseconds(cpu), f"{cpu / here.light:.1f}x", f"{PAPER[name] / here.light:.0f}x"])  # fmt: skip
+            luxels, ratio, paper = len(here.baked.luxels.area), cpu / here.light, PAPER[name] / here.light
+            rows.append([name, quality, f"{luxels:,}", f"{here.before:.2f}", milliseconds(here.looking), milliseconds(here.light),
+                         len(here.baked.ledger), milliseconds(cpu), f"{ratio:.1f}x", f"{paper:.0f}x"])  # fmt: skip
     head = ["scene", "quality", "luxels", "set-up, s", "looking around, ms", "all light, ms", "steps", "processor, ms", "faster", "than the paper's"]
     return table(head, rows)
 

@@ -10,6 +10,7 @@ import luxel
 from luxel.cuda.frame import draw_views
 from luxel.cuda.resident import Resident
 from luxel.raster.render import Options, prepare
+from luxel.scene.builtin import SCENES
 
 pytestmark = pytest.mark.usefixtures("real_gpu")
 
@@ -91,3 +92,35 @@ def test_threads_draw_one_after_the_other(real_gpu):
         drawn = list(pool.map(lambda k: luxel.render(prepared, camera((2, 4, 8)[k % 3]), (100, 80)).color, range(60)))
     for k, color in enumerate(drawn):
         np.testing.assert_array_equal(color, wanted[k % 3])
+
+
+@pytest.mark.parametrize("name", ["cornell-box", "room-simple", "room-complex", "room"])
+@pytest.mark.parametrize("quality", ["draft", "normal", "final", "progressive"])
+def test_bakes(real_gpu, name, quality):
+    """Beside the processor's; what one ray may do to a luxel is said in test_cuda_bake."""
+    made = SCENES[name]
+    options = {"quality": quality, "sky": 0.5 if name == "room" else None}
+    ours, theirs = (luxel.bake(made(), device=device, **options) for device in ("cpu", "cuda"))
+    difference, mean = np.abs(ours.irradiance - theirs.irradiance), ours.irradiance.mean()
+    assert difference.mean() < 1e-4 * mean
+    assert (difference > 2e-2 * mean).any(1).mean() < 1e-4
+    last = theirs.ledger[-1]
+    np.testing.assert_allclose(last.absorbed + last.escaped + last.unshot, last.emitted, rtol=1e-6)
+
+
+def test_a_bake_is_the_same_each_time(real_gpu):
+    """Sums do not depend on when threads run."""
+    one, other = (luxel.bake(SCENES["room-simple"](), device="cuda", sky=0.2).irradiance for _ in range(2))
+    np.testing.assert_array_equal(one, other)
+
+
+def test_ten_thousand_frames_without_a_leak(real_gpu):
+    prepared = prepare(plain(6))
+    resident = Resident(real_gpu, prepared)
+    for count in (200, 10_000):
+        real_gpu.wait()
+        before = real_gpu.free_memory()
+        for i in range(count):
+            draw_views(resident, [camera()], (64, 48), Options(), [None], keep=i % 2 == 0)
+    real_gpu.wait()
+    assert before - real_gpu.free_memory() < 16 << 20
