@@ -64,6 +64,18 @@ def test_the_ledger_of_random_closed_scenes_holds(seed):
     check_ledger(bake(scene, density=10, quality="draft"), escaped=0.01)
 
 
+@pytest.mark.parametrize("side", [0.005, 0.02, 0.1])
+def test_a_back_in_a_closed_room_takes_light_and_gives_none(side):
+    """What a lamp sees of the back of something one-sided is lost: a little, and never less than nothing."""
+    scene = box([matte(0.5)] * 3 + [matte(0.7, (0.3, 0.3, 0.3))] + [matte(0.5)] * 2)
+    corners = np.array([[0.3, 0.5, 0.3], [0.3 + side, 0.5, 0.3], [0.3 + side, 0.5, 0.3 + side], [0.3, 0.5, 0.3 + side]])
+    scene.add(Mesh(corners, [[0, 1, 2], [0, 2, 3]]), matte(0.5))
+    for quality in ("draft", "normal"):
+        for step in bake(scene, density=20, quality=quality).ledger:
+            assert (step.escaped >= -1e-9 * step.emitted).all()
+            assert (step.escaped <= (1e-3 + 2 * side**2) * step.emitted).all()
+
+
 def test_in_a_sphere_light_is_the_same_everywhere():
     """F_ij = A_j / A in a sphere, so H = <E> / (1 - <rho>), whatever emits and reflects."""
     ball = sphere(1.0)

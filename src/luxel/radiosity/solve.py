@@ -256,7 +256,8 @@ def fill(problem: Problem, source: Source, chosen: Array, rows: Rows, labour: La
     parts = labour.join(parts, -(-problem.elements.numbers.shape[1] // BLOCK), grain=1)
     sums, areas = parts.sum(1), source.tree.place[who.node, 7].astype(np.float64)
     scale = np.divide(areas, sums, out=np.ones(len(to)), where=sums > 0)
-    scale[escaped.any(1)] = 1.0  # only if it sees nothing but fronts is all of its light received, that much is certain
+    leaks = escaped.any(1)
+    scale[leaks] = np.minimum(scale[leaks], 1.0)  # only if it sees nothing but fronts is all of its light received, and never more than all
     rows.scale[to] = np.clip(scale, *_SCALE_RANGE)
     rows.lost[to] = 1.0 - rows.scale[to] * sums / areas
     return slots
