@@ -230,7 +230,7 @@ def _tell(console: Console, file: Path, options: dict[str, Any]) -> None:
 
 
 def _bake(console: Console, comm: Comm, file: Path, write: _Write, preview: Path | None, options: dict[str, Any]) -> None:
-    from luxel.cli.ranks import shares_of
+    from luxel.cli.ranks import compile_first, shares_of
     from luxel.radiosity.bake import bake
 
     start = time.perf_counter()
@@ -240,6 +240,7 @@ def _bake(console: Console, comm: Comm, file: Path, write: _Write, preview: Path
     try:
         with console.work("laying out the lightmap") as report:
             watch = _Watch(report, preview, options["tolerance"] or 1e-3, partial(_check_room, write, state))
+            compile_first(comm, lambda: _bake_little(options) if file.exists() else None)
             baked = bake(file, progress=watch, comm=comm, **options)
             shade = _shade(baked, write, comm, options["threads"])
             ranks = shares_of(comm)
@@ -258,6 +259,13 @@ def _bake(console: Console, comm: Comm, file: Path, write: _Write, preview: Path
     if baked.finished:
         state.unlink(missing_ok=True)
     _say(console, baked, written, state, time.perf_counter() - start, ranks)
+
+
+def _bake_little(options: dict[str, Any]) -> None:
+    from luxel.radiosity.bake import bake
+    from luxel.scene.builtin import cornell_box
+
+    bake(cornell_box(), density=4, quality=options["quality"], sky=None if options["sky"] is None else 1.0, threads=1)
 
 
 class _Watch:
