@@ -72,14 +72,14 @@ def _part(r, numbers, frame, i, a, b, part, side, wide, high, reach, local, c):
 
 
 @jit.part
-def _parts_light(rays, scene, fine, c, stack):
-    """The light that the first `rays` of a packet bring, (red, green, blue)."""
+def _parts_light(rays, light, scene, fine, c, stack):
+    """`light` (red, green, blue) and what the first `rays` of a packet bring, one after the other."""
     for r in range(rays, WIDTH):  # the others go nowhere
         for row in (OX, OY, OZ, DX, DY, DZ):
             c[row + np.uint64(r)] = c[row]
         c[AT + np.uint64(r)] = np.float32(0.0)
     packet.meet_all(scene, c, stack)
-    red = green = blue = 0.0
+    red, green, blue = light
     for r in range(np.uint64(rays)):
         if float_bits(c[FOUND + r]) < 0 and c[AT + r] > np.float32(0.0):
             row, column = _pixel(fine, c[DX + r], c[DY + r], c[DZ + r])
@@ -112,7 +112,7 @@ def light_of(i, some, kind, scene, numbers, frame, reach, coarse, fine, local, c
     """The light of the sky on element `i`, (red, green, blue) W/m2, through cells of each `kind` (wide, high), of which `some` are not dark."""
     wide, high = kind.shape
     red = green = blue = 0.0
-    edges = rays = 0
+    cut, edges, rays = (0.0, 0.0, 0.0), 0, 0
     for a in range(wide if some else 0):
         for b in range(high):
             edges += kind[a, b] == _EDGE
@@ -130,13 +130,11 @@ def light_of(i, some, kind, scene, numbers, frame, reach, coarse, fine, local, c
                     _part(np.uint64(rays), numbers, frame, i, a, b, part, side, wide, high, reach, local, c)
                     rays += 1
                     if rays == WIDTH:
-                        more_red, more_green, more_blue = _parts_light(rays, scene, fine, c, stack)
-                        red, green, blue, rays = red + more_red * weight, green + more_green * weight, blue + more_blue * weight, 0
+                        cut, rays = _parts_light(rays, cut, scene, fine, c, stack), 0
     if rays > 0:
-        more_red, more_green, more_blue = _parts_light(rays, scene, fine, c, stack)
-        red, green, blue = red + more_red * weight, green + more_green * weight, blue + more_blue * weight
+        cut = _parts_light(rays, cut, scene, fine, c, stack)
     share = math.pi / (wide * high)
-    return red * share, green * share, blue * share
+    return (red + weight * cut[0]) * share, (green + weight * cut[1]) * share, (blue + weight * cut[2]) * share
 
 
 @jit.parallel_kernel
