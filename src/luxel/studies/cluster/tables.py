@@ -81,7 +81,7 @@ def _travel(facts: Facts, found: Row, prices: Costs, memory: Memory, network: Ne
 def _say_costs(report: Report, prices: Costs, memory: Memory, network: Network, fitted: list[Row], measured: bool) -> None:
     report.say("# Measured on this machine")
     source = HERE if measured else "assumed"
-    rows: list[Row] = [{"what": f"a {name}, ns" if name != "frame" else "a frame, ns", "cost": 1e9 * value, "source": HERE}
+    rows: list[Row] = [{"what": f"a {name}, ns", "cost": 1e9 * value, "source": "fitted to two ranks" if name == "travel" else HERE}
                        for name, value in prices._asdict().items() if name not in ("call", "step", "byte")]  # fmt: skip
     rows += [{"what": "a message between two ranks, us", "cost": 1e6 * network.latency, "source": source},
              {"what": "a step of two ranks that agree, us", "cost": 1e6 * prices.step, "source": source},
@@ -103,15 +103,18 @@ def check(report: Report, scenes: dict[str, Facts], rows: list[Row], prices: Cos
         if each["name"] not in scenes:
             continue
         here = prices._replace(call=0.0, step=each["step"] - network.latency)  # Python is in what was measured of messages
-        made = frame(scenes[each["name"]], each["division"], each["ranks"], here, memory, network, each["composition"], cores)
+        made, bare = [frame(scenes[each["name"]], each["division"], each["ranks"], costs, memory, network, each["composition"], cores)
+                      for costs in (here, here._replace(travel=0.0))]  # fmt: skip
         shared = each["division"] in ("objects", "both")
         out.append({"scene": each["name"], "division": each["division"], "composition": each["composition"] if shared else "", "ranks": each["ranks"],
                     "measured, ms": 1e3 * each["seconds"], "model, ms": 1e3 * made.seconds, "model / measured": made.seconds / each["seconds"],
+                    "without travel": bare.seconds / each["seconds"],
                     "sent, MB a rank": each["composed"] / 1e6 if shared else None, "model, MB": made.composed / 1e6 if shared else None,
                     "memory, MB": each["peak"] / 1e6, "model memory, MB": made.memory / 1e6})  # fmt: skip
     report.table("check", "Measured frames, and the model of them", out,
                  f"Ranks of one thread, on {cores} cores: of more ranks than cores the model lets them take turns. `memory` is the largest rank's. "
-                 "Costs come from one process, but for `travel`, which is fitted to `objects` of two ranks: these rows do not check it.")  # fmt: skip
+                 "Costs come from one process, but for `travel`, which makes up for what the others lack of `objects` at two ranks: those rows do "
+                 "not check the model, and `without travel` shows how far it is from them by itself.")  # fmt: skip
     with report.figure("check", "The model over what was measured", "On the line they are the same.") as axes:
         for division in DIVISIONS:
             some = [(r["measured, ms"], r["model, ms"]) for r in out if r["division"] == division]
