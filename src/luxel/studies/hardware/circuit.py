@@ -77,7 +77,7 @@ def throughput(context: Context, report: Report) -> None:
     ends = np.cumsum([sum(len(scan(each, _WINDOW, _WINDOW).x) for each in group) for group in groups])
     for taken, said in ((0.7, "7 of 10, at random"),) if context.quick else ((1.0, "every clock"), (0.7, "7 of 10, at random")):
         ready = rng.random(1_000_000) < taken
-        found = run(Interpolator(), fields, int(ends[-1]), taken=lambda clock, r=ready: bool(r[clock]), right=_WINDOW - 1, bottom=_WINDOW - 1)
+        found = run(Interpolator(), fields, int(ends[-1]), taken=ready.item, right=_WINDOW - 1, bottom=_WINDOW - 1)
         for group, first, end in zip(groups, [0, *ends], ends):
             clocks = ready[found.clocks[first] : found.clocks[end - 1] + 1].sum()
             rows.append({"receiver takes on": said, "source": HERE, "triangles": len(group), "pixels each": (end - first) / len(group),
