@@ -165,19 +165,7 @@ def render(
         }
         crease = None if crease_angle is None else values.number(crease_angle, "--crease-angle", "degrees from 0 to 180", lambda a: 0 <= a <= 180)
         values.output(output, EXTENSIONS)
-        if shots > 1 and options["samples"] != 1:
-            raise InputError(f"--ssaa {shots}: it takes the place of --samples {samples}; give one of them")
-        if filter == "lowpass" and shots == 1:
-            raise InputError("--filter lowpass: filters the picture that --ssaa draws at a higher rate; give --ssaa 2 to 8, or --aa lowpass")
-        if pattern == "grid" and options["samples"] != 4:
-            raise InputError(f"--pattern grid: expected --samples 4, got {samples or 1}")
-        lost = set(options["outputs"]) - {"color"}
-        if lost and output.suffix.lower() not in (".exr", ".npz"):
-            raise InputError(f"--outputs: {output.suffix} holds color alone; {', '.join(sorted(lost))} goes to .exr or .npz")
-        if "motion" in lost and previous is None and turntable is None:
-            raise InputError("--outputs motion: needs --previous, the camera before, or --turntable")
-        if previous is not None and "motion" not in lost:
-            raise InputError("--previous: needs --outputs motion")
+        _check_together(options, samples, output, turntable is not None, previous is not None)
         console = Console(quiet or comm.rank > 0, as_json and comm.rank == 0)
         shared = divide is not None or composition is not None or balance is not None
         if comm.size == 1 and not shared:
@@ -191,6 +179,23 @@ def render(
             values.choice(balance or "dynamic", _BALANCES, "--balance"),
         )
         draw_file(console, comm, file, output, pixels, view, options, lightmap, crease, *ways)
+
+
+def _check_together(options: dict[str, Any], samples: str | None, output: Path, turns: bool, moves: bool) -> None:
+    """What is asked for must go together: `samples` as given, `turns` with --turntable, `moves` with --previous."""
+    shots, wanted = options["ssaa"], set(options["outputs"]) - {"color"}
+    if shots > 1 and options["samples"] != 1:
+        raise InputError(f"--ssaa {shots}: it takes the place of --samples {samples}; give one of them")
+    if options["filter"] == "lowpass" and shots == 1:
+        raise InputError("--filter lowpass: filters the picture that --ssaa draws at a higher rate; give --ssaa 2 to 8, or --aa lowpass")
+    if options["pattern"] == "grid" and options["samples"] != 4:
+        raise InputError(f"--pattern grid: expected --samples 4, got {samples or 1}")
+    if wanted and output.suffix.lower() not in (".exr", ".npz"):
+        raise InputError(f"--outputs: {output.suffix} holds color alone; {', '.join(sorted(wanted))} goes to .exr or .npz")
+    if "motion" in wanted and not (turns or moves):
+        raise InputError("--outputs motion: needs --previous, the camera before, or --turntable")
+    if moves and "motion" not in wanted:
+        raise InputError("--previous: needs --outputs motion")
 
 
 def _draw_file(

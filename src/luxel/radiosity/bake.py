@@ -241,15 +241,21 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
     values = _per_luxel(prepared, received)
     baked = Baked(prepared.atlas, prepared.luxels, values, prepared.valid, _per_luxel(prepared, state.direct), state.ledger, clock.seconds, finished)
     if keep:
-        if problem.lights is not None:
-            complete(problem, problem.lights, light_rows, labour)
-        kept = transport_of(prepared.cut, light_rows, sight().hits, still, prepared.luxels, labour)
+        kept = _kept(prepared, light_rows, sight(), still, labour)
         baked.transport = kept if transport else None
         clock.lap("transport")
         if layers:
             baked.layers = _layers(prepared, kept, lamps, sight, labour)
             clock.lap("layers")
     return baked
+
+
+def _kept(prepared: _Prepared, lights: Rows, sight: Sight, still: Array, labour: Labour) -> Transport | None:
+    """What lights the scene anew, with the rows of all lights."""
+    problem = prepared.cut.problem
+    if problem.lights is not None:
+        complete(problem, problem.lights, lights, labour)
+    return transport_of(prepared.cut, lights, sight.hits, still, prepared.luxels, labour)
 
 
 def labour_of(threads: int | None, comm: Comm | None, device: str = "cpu") -> Labour:
