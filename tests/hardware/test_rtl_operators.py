@@ -23,7 +23,7 @@ from luxel.hardware.rtl.simulate import compute
 from luxel.hardware.scan import CENTRE
 
 EDGE, RECIPROCAL = LUXEL.edge_format, LUXEL.reciprocal_format
-MANY = 10000
+MANY = 20000
 
 
 def at_random(seed=1, share=0.8):
