@@ -109,8 +109,8 @@ def test_empty_files_and_folders_are_said(capsys, tmp_path, name):
     (tmp_path / name).touch()
     assert "the file is empty" in error_of(capsys, "info", tmp_path / name)
     (tmp_path / f"folder-{name}").mkdir()
-    assert "it is a folder" in error_of(capsys, "info", tmp_path / f"folder-{name}")
-    assert "it is a folder" in error_of(capsys, "info", tmp_path)
+    assert "a folder without model files" in error_of(capsys, "info", tmp_path / f"folder-{name}")
+    assert f"{name}: cannot read: the file is empty" in error_of(capsys, "info", tmp_path)  # the only model in the folder
 
 
 def test_more_memory_than_there_is(capsys, cube, tmp_path, monkeypatch):
