@@ -38,6 +38,11 @@ def simulator(name: str = "auto") -> str:
     return name
 
 
+def _check_size(width: int, height: int) -> None:
+    if max(width, height) > 1 << COORDINATE_BITS - 1 - SUBPIXEL_LOG2:
+        raise InputError(f"size: expected at most {1 << COORDINATE_BITS - 1 - SUBPIXEL_LOG2} pixels a side, got {width} x {height}")
+
+
 def draw(corners: Array, colors: Array, width: int, height: int, using: str = "auto", compiling: Compiling = None) -> Drawn:
     """Send triangles through the circuit.
 
@@ -51,8 +56,7 @@ def draw(corners: Array, colors: Array, width: int, height: int, using: str = "a
     Raises:
         InputError: The picture is too large.
     """
-    if max(width, height) > 1 << COORDINATE_BITS - 1 - SUBPIXEL_LOG2:
-        raise InputError(f"size: expected at most {1 << COORDINATE_BITS - 1 - SUBPIXEL_LOG2} pixels a side, got {width} x {height}")
+    _check_size(width, height)
     reach = 1 << COORDINATE_BITS - 1
     bits = COORDINATE_BITS if not corners.size or (corners.min() >= -reach and corners.max() < reach) else WIDE_BITS
     if simulator(using) == "cxx":
@@ -127,6 +131,7 @@ def render(scene: Any, camera: Any = None, size: tuple[int, int] = (320, 240), u
     from luxel.raster.render import prepare
     from luxel.raster.render import render as rasterise
 
+    _check_size(*size)
     prepared = prepare(scene, "hardware", options.pop("cull", "material"))
     circuit = _Circuit(any(material.alpha_mode == "BLEND" for material in prepared.scene.materials))
     prepared = prepared._replace(hardware=circuit)
