@@ -195,7 +195,8 @@ llvmpipe with {options.threads} in turns. Lambert-lit; llvmpipe leaves its colou
 
 The aims are twice as fast as llvmpipe at every size, three times from 100 k triangles on, four times with MSAA 4, and 1.8 times as fast with two
 threads as with one. What limits small scenes is work by the pixel, which no triangle count takes away: fragments are filled, lit and encoded. It is
-arithmetic, not memory (see the floor). Two threads gain less there: one alone prepares, projects and bins for half a millisecond, and the second starts late.
+arithmetic, not memory (see the floor). Two threads gain less there: one alone prepares, projects and bins for half a millisecond, and the second
+starts late.
 What brought it here: planes of a triangle set up once a tile and runs filled eight fragments at a time, triangles judged and set up in vector
 registers, whole opaque pixels written straight to the picture, memory used again, one loop for Lambert under a directional light, and tiles that
 are covered and shaded at once, so that what is visible stays in the core's cache. Frame after frame of one scene, without the peer in between,
