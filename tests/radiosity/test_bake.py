@@ -12,6 +12,7 @@ import luxel
 from luxel import Camera, InputError, Light, LuxelWarning, Mesh, Scene
 from luxel.radiosity.bake import bake
 from luxel.radiosity.diagnosis import estimate
+from luxel.radiosity.solve import State
 from luxel.radiosity.unwrap import expected_luxels
 from luxel.scene.builtin.shapes import sphere
 from luxel.scene.transforms import look_at
@@ -120,6 +121,32 @@ def test_an_interrupted_bake_resumes_to_the_same_bytes(lamp_room, tmp_path):
     assert len(resumed.ledger) == len(whole.ledger)
     with pytest.raises(InputError, match="another scene or other settings"):
         bake(lamp_room, density=21, quality="draft", checkpoint=state, resume=True)
+
+
+@pytest.mark.parametrize(("quality", "when"), [("draft", 1), ("draft", 3), ("progressive", 1), ("progressive", 4)])
+@pytest.mark.parametrize("after", [False, True])
+def test_who_is_interrupted_within_a_step_resumes_to_the_same_bytes(lamp_room, tmp_path, monkeypatch, quality, when, after):
+    """The state is half changed then, and is not kept; what was kept before it is."""
+    state, take_in, calls = tmp_path / "state", State.take_in, []
+    options = {"density": 10, "quality": quality, "checkpoint": state}
+    whole = bake(lamp_room, density=10, quality=quality)
+
+    def interrupted(*arguments, **more):
+        calls.append(1)
+        if len(calls) == when + 1 and not after:
+            raise KeyboardInterrupt
+        take_in(*arguments, **more)
+        if len(calls) == when + 1:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(State, "take_in", interrupted)
+    monkeypatch.setattr("luxel.radiosity.bake._SAVE_EVERY", -1.0)  # after each step
+    with pytest.raises(KeyboardInterrupt):
+        bake(lamp_room, **options)
+    monkeypatch.setattr(State, "take_in", take_in)
+    resumed = bake(lamp_room, resume=True, **options)
+    assert resumed.irradiance.tobytes() == whole.irradiance.tobytes()
+    assert len(resumed.ledger) == len(whole.ledger)
 
 
 def test_a_checkpoint_that_cannot_be_written_does_not_lose_the_light(lamp_room, tmp_path):

@@ -69,7 +69,7 @@ class Witness:
         text = "luxel: interrupted" if interrupted else f"luxel: {self.name}: {told(error)}"
         if self._pipe < 0:
             print(text, file=sys.stderr, flush=True)  # noqa: T201
-        self._tell(_SPOKEN + text.encode() + _SPOKEN)
+        self._tell(_SPOKEN + text.encode(errors="backslashreplace") + _SPOKEN)
         time.sleep(_LAST_WORD)  # a launcher that is told to stop drops what it has not read yet
         abort(INTERRUPTED if interrupted else FAILED)
 

@@ -50,11 +50,9 @@ def optimize_file(source: Path, target: Path | None, options: Options, comm: Com
     if comm.size > 1:
         why = "dropped duplicates are checked in the whole file" if summed else "cannot be read in parts"
         tell(source.name, f"{why}: rank 0 reads all of it, and all ranks order the parts of its meshes")
-    try:
-        whole = replace(options, crew=_crew(comm), threads=comm.threads(options.threads))
-        report, scenes = files.optimize_file(source, target, whole, measures=measures, check=check, progress=progress)
-    finally:
-        comm.share(None)
+    whole = replace(options, crew=_crew(comm), threads=comm.threads(options.threads))
+    report, scenes = files.optimize_file(source, target, whole, measures=measures, check=check, progress=progress)
+    comm.share(None)  # not if that failed: then all are ended, and the others wait elsewhere
     return report, scenes, False
 
 

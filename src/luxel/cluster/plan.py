@@ -68,7 +68,7 @@ def tile_costs(geometry: Geometry, view: View, window: Window, tile: int, sample
     """
     m = len(geometry.triangles)
     first, last = (0, m) if shared else comm.share_out(m)[comm.rank]
-    step = max(1, math.ceil(m / (_SAMPLED // comm.size if shared else _SAMPLED)))
+    step = max(1, math.ceil(m / (max(1, _SAMPLED // comm.size) if shared else _SAMPLED)))
     tiles = -(-window.width // tile) * -(-window.height // tile)
     found = np.zeros((2, tiles), np.int64)
     _count(first, last, step, geometry.positions, geometry.triangles, view.clip_from_world, np.array(window, np.int64), tile, *found)

@@ -276,6 +276,7 @@ class GpuState(State):
         sums = self._step(self._gained, self._scale, False)
         sent, gone, got = (sums[row : row + 3] for row in (SENT, GONE, GOT))
         away = balance(sent, sent - gone, got)[1]
+        self.whole = False
         self._commit(sums, None)
         self.escaped = self.escaped + away
 

@@ -419,7 +419,7 @@ def _per_luxel(prepared: _Prepared, values: Array) -> Array:
 
 def _shoot_all(shooting: Iterator[State], prepared: _Prepared, state: State, deadline: float | None,
                progress: Callable[[float, Progress], None] | None, keep: tuple[Path, str] | None, labour: Labour) -> bool:  # fmt: skip
-    """Shoot to the end; returns whether it was reached. The checkpoint is written now and then, and whatever ends this."""
+    """Shoot to the end; returns whether it was reached. The checkpoint is written now and then, and whatever ends this between two steps."""
     saved = time.monotonic()
     try:
         for _ in shooting:
@@ -431,7 +431,7 @@ def _shoot_all(shooting: Iterator[State], prepared: _Prepared, state: State, dea
             if deadline is not None and labour.once(lambda: time.monotonic() > deadline):
                 return False
     finally:
-        if keep:
+        if keep and state.whole:
             _save(keep, state)
     return True
 

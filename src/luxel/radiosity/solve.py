@@ -97,6 +97,7 @@ class State:
         lights_left: Patches of the lights that have still to shoot.
         shots, escaped: So far; escaped (3,) float64 watts. An element's own shots are not counted.
         ledger: One `Step` a batch.
+        whole: False while a step changes it, until the ledger has its line: what is interrupted there is not to be kept.
     """
 
     received: Array
@@ -109,6 +110,7 @@ class State:
     escaped: Array = field(default_factory=lambda: np.zeros(3))
     shots: int = 0
     ledger: list[Step] = field(default_factory=list)
+    whole: bool = True
 
     @property
     def left(self) -> Array:
@@ -139,6 +141,7 @@ class State:
     def pass_on(self, problem: Problem, sight: Sight, labour: Labour) -> None:
         """Let all elements shoot at once what they have to shoot, through what they see."""
         gained, away = pass_on(sight, np.ascontiguousarray(self.unshot.T), problem.elements.numbers[AREA], labour)
+        self.whole = False
         self.escaped = self.escaped + away
         self.unshot[:] = 0
         self.take_in(problem, gained, labour.threads)
@@ -292,6 +295,7 @@ def light_steps(problem: Problem, state: State, rows: Rows, labour: Labour) -> I
         chosen = np.arange(len(lights.tree.patches))[-state.lights_left :][:BATCH]
         radiosity = mean(problem.exitance, lights.numbers[AREA], lights.tree)[chosen]
         gained, lost = _shoot(problem, lights, chosen, rows, radiosity, labour)
+        state.whole = False
         state.escaped = state.escaped + lost
         state.lights_left -= len(chosen)
         state.take_in(problem, gained, labour.threads, from_lights=True)
@@ -308,6 +312,7 @@ def patch_steps(problem: Problem, state: State, rows: Rows, tolerance: float, la
         chosen = chosen[total[chosen] > 0]
         radiosity = state.power[chosen] / (tree.place[tree.patches[chosen], 7].astype(np.float64))[:, None]
         gained, lost = _shoot(problem, problem.patches, chosen, rows, radiosity, labour)
+        state.whole = False
         state.escaped = state.escaped + lost
         state.forget(problem, chosen)
         state.take_in(problem, gained, labour.threads)
@@ -364,6 +369,7 @@ def _write(state: State, problem: Problem, shots: int) -> None:
         rest = lights.tree.span[lights.tree.patches[-state.lights_left :], 0].min()
         left = problem.exitance[rest:].T.astype(np.float64) @ lights.numbers[AREA, rest:].astype(np.float64)
     state.ledger.append(Step(state.shots, state.emitted.copy(), state.absorbed.copy(), state.escaped.copy(), state.left + left))
+    state.whole = True
 
 
 def ambient(problem: Problem, state: State) -> Array:
