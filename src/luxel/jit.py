@@ -335,7 +335,12 @@ def available_threads() -> int:
     wanted = os.environ.get("LUXEL_THREADS")
     if wanted:
         return checked_threads(wanted)
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return len(own_cores())
+
+
+def own_cores() -> set[int]:
+    """The numbers of the cores on which this process may run."""
+    return set(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else set(range(os.cpu_count() or 1))
 
 
 def checked_threads(threads: object) -> int:

@@ -104,7 +104,7 @@ def odd(comm: Comm) -> None:
 def fails(comm: Comm) -> None:
     """The last rank fails; the others wait for it."""
     if comm.rank == comm.size - 1:
-        raise InputError("the last rank has had enough")
+        raise InputError("the last rank has had enough of \udcff")  # a name that no text can hold
     comm.share(1)
     comm.collect(np.zeros(3))
     comm.deal([np.zeros(1)] * comm.size if comm.rank == 0 else None)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import resource
 import sys
@@ -171,7 +170,9 @@ def shares_of(comm: Comm) -> list[dict[str, float]]:
 
 def warn_of_crowds(comm: Comm, threads: int | None) -> None:
     """Tell of a machine that has fewer cores than its ranks have threads."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    from luxel.jit import own_cores
+
+    cores = len(own_cores())
     asked = comm.threads(threads) * comm.neighbours
     if comm.rank == 0 and asked > cores and comm.neighbours > 1:
         warnings.warn(

@@ -42,7 +42,7 @@ class Comm:
     Attributes:
         rank: Of this process, from 0.
         size: Number of ranks.
-        neighbours: How many of them share this machine, this one included.
+        neighbours: How many of them share cores with this one, itself included: those of its machine that are not bound to others.
     """
 
     rank, size, neighbours = 0, 1, 1
@@ -119,10 +119,12 @@ class Comm:
         return [(count * rank // self.size, count * (rank + 1) // self.size) for rank in range(self.size)]
 
     def threads(self, wanted: int | None = None) -> int:
-        """How many threads this rank should use: as many as wanted, or its part of the machine's cores."""
-        from luxel.jit import available_threads, checked_threads
+        """How many threads this rank should use: as many as wanted here or by LUXEL_THREADS, or its part of the cores that it may use."""
+        from luxel.jit import checked_threads, own_cores
 
-        return checked_threads(wanted) if wanted is not None else max(1, available_threads() // self.neighbours)
+        if wanted is not None or os.environ.get("LUXEL_THREADS"):
+            return checked_threads(wanted)
+        return max(1, len(own_cores()) // self.neighbours)
 
     def unfinished(self, path: Path | None) -> None:
         """Should this rank die, this file is to be removed; None takes that back."""
@@ -143,8 +145,11 @@ class _Ranks(Comm):
         if whole is not None:
             self.neighbours, self._sent, self._waited = whole.neighbours, whole._sent, whole._waited
             return
+        from luxel.jit import own_cores
+
         here = comm.Split_type(mpi.COMM_TYPE_SHARED)
-        self.neighbours = here.Get_size()
+        own = own_cores()
+        self.neighbours = sum(not own.isdisjoint(cores) for cores in here.allgather(own))
         here.Free()
         witness.know(f"rank {self.rank} of {self.size}")
 
