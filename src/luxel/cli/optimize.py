@@ -84,47 +84,49 @@ def optimize(
     What is drawn stays the same. Shows caches, overdraw and fetches before and after. Under mpiexec the ranks share the work; a binary .ply of
     triangles is then larger than any of them need hold.
     """
-    from luxel.cluster.comm import launched
+    from luxel.cluster.comm import launched, world
     from luxel.layout.files import FORMATS, optimize_file
     from luxel.layout.optimize import Options
 
-    if profile is not None and (cache is not None or policy is not None):
-        raise InputError("--profile is a cache of its own: it goes without --cache and --policy")
-    more: dict[str, Any] = {name: values.whole(text, f"--{name}", 1) for name, text in (("width", width), ("depth", depth)) if text is not None}
-    if weights is not None:
-        more["weights"] = tuple(values.number(word, "--weights", "numbers such as 1,0.5,1.3") for word in weights.split(","))
-    options = _checked_names(order, policy, profile)
-    options |= {
-        "cache": 12 if cache is None else values.whole(cache, "--cache", 3),
-        "overdraw": None if overdraw is None else values.number(overdraw, "--overdraw", "a factor of at least 1, such as 1.05", lambda x: x >= 1),
-        "seconds": None if seconds_ is None else values.number(seconds_, "--seconds", "a number above 0", lambda x: x > 0),
-        "threads": None if threads is None else values.whole(threads, "--threads", 1),
-    }
-    for path, extensions, option in ((output, FORMATS, "--output"), (report, (".json",), "--report"), (picture, (".png",), "--picture")):
-        if path is not None:
-            values.output(path, extensions, option)
-    chosen = Options(**options, weld=weld, drop_degenerate=drop_degenerate, drop_duplicates=drop_duplicates, drop_unused=drop_unused, more=more)
-    console = Console(quiet, as_json)
-    measures = not quiet or as_json or report is not None or picture is not None
-    if launched():
-        from luxel.cli.ranks import optimize_with_ranks
+    comm = world()
+    with comm.guard():  # before anything is looked at: what one rank cannot do ends all
+        if profile is not None and (cache is not None or policy is not None):
+            raise InputError("--profile is a cache of its own: it goes without --cache and --policy")
+        more: dict[str, Any] = {name: values.whole(text, f"--{name}", 1) for name, text in (("width", width), ("depth", depth)) if text is not None}
+        if weights is not None:
+            more["weights"] = tuple(values.number(word, "--weights", "numbers such as 1,0.5,1.3") for word in weights.split(","))
+        options = _checked_names(order, policy, profile)
+        options |= {
+            "cache": 12 if cache is None else values.whole(cache, "--cache", 3),
+            "overdraw": None if overdraw is None else values.number(overdraw, "--overdraw", "a factor of at least 1, such as 1.05", lambda x: x >= 1),
+            "seconds": None if seconds_ is None else values.number(seconds_, "--seconds", "a number above 0", lambda x: x > 0),
+            "threads": None if threads is None else values.whole(threads, "--threads", 1),
+        }
+        for path, extensions, option in ((output, FORMATS, "--output"), (report, (".json",), "--report"), (picture, (".png",), "--picture")):
+            if path is not None:
+                values.output(path, extensions, option)
+        chosen = Options(**options, weld=weld, drop_degenerate=drop_degenerate, drop_duplicates=drop_duplicates, drop_unused=drop_unused, more=more)
+        console = Console(quiet, as_json)
+        measures = not quiet or as_json or report is not None or picture is not None
+        if launched():
+            from luxel.cli.ranks import optimize_with_ranks
 
-        result = optimize_with_ranks(console, file, output, chosen, measures, check, picture)
-        if result is None:
-            return
-        found, scenes = result
-    else:
-        with console.work("ordering") as told:
-            found, scenes = optimize_file(file, output, chosen, measures=measures, check=check, progress=told)
-    if picture is not None:
-        _draw(picture, file, scenes, chosen)
-    data = {"file": str(file), "output": None if output is None else str(output), "checked": check, **found.as_dict()}
-    if report is not None:
-        _write(report, data)
-    if as_json:
-        console.result(data, "")
-    elif not quiet:
-        _show(file, output, check, found)
+            result = optimize_with_ranks(comm, console, file, output, chosen, measures, check, picture)
+            if result is None:
+                return
+            found, scenes = result
+        else:
+            with console.work("ordering") as told:
+                found, scenes = optimize_file(file, output, chosen, measures=measures, check=check, progress=told)
+        if picture is not None:
+            _draw(picture, file, scenes, chosen)
+        data = {"file": str(file), "output": None if output is None else str(output), "checked": check, **found.as_dict()}
+        if report is not None:
+            _write(report, data)
+        if as_json:
+            console.result(data, "")
+        elif not quiet:
+            _show(file, output, check, found)
 
 
 def _checked_names(order: str, policy: str | None, profile: str | None) -> dict[str, Any]:

@@ -99,24 +99,21 @@ def _cameras(view: View, shared: Shared, size: tuple[int, int]) -> tuple[Any, An
     return cameras, view.cameras_before(cameras, shared.outline, size)
 
 
-def optimize_with_ranks(console: Console, file: Path, output: Path | None, options: Options, measures: bool, check: bool,
+def optimize_with_ranks(comm: Comm, console: Console, file: Path, output: Path | None, options: Options, measures: bool, check: bool,
                         picture: Path | None) -> tuple[Report, list[Scene]] | None:  # fmt: skip
     """Lay a file out with all ranks: what rank 0 tells of; None on the others."""
     from luxel.cluster.agree import agree
-    from luxel.cluster.comm import world
     from luxel.cluster.layout_file import optimize_file
 
-    comm = world()
     if comm.rank:
         console.quiet, console.as_json = True, False
-    with comm.guard():
-        agree(comm, (file,), options=options, output=output, measures=measures, check=check)
-        warn_of_crowds(comm, options.threads)
-        with console.work("ordering") as told:
-            compile_first(comm, lambda: _order_little(options))
-            report, scenes, shared = optimize_file(file, output, options, comm, measures=measures, check=check, progress=told)
-        if picture is not None and shared:
-            raise InputError("--picture: ranks that share a file hold no whole mesh to draw; without mpiexec it is drawn")
+    agree(comm, (file,), options=options, output=output, measures=measures, check=check)
+    warn_of_crowds(comm, options.threads)
+    with console.work("ordering") as told:
+        compile_first(comm, lambda: _order_little(options))
+        report, scenes, shared = optimize_file(file, output, options, comm, measures=measures, check=check, progress=told)
+    if picture is not None and shared:
+        raise InputError("--picture: ranks that share a file hold no whole mesh to draw; without mpiexec it is drawn")
     return None if comm.rank else (report, scenes)
 
 
