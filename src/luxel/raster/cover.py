@@ -113,7 +113,7 @@ def draw_batch(n, c, sx, sy, first, tile, depth, ids, counting):
             draw_many(i, c, sx, sy, first, tile, depth, ids, counting)
 
 
-@jit.part
+@jit.device
 def cover_tile(number, start, bin_ids, across, tile, width, height, triangles, screen, clipped_screen, pattern, depth, ids, c, counting):
     """Find what is nearest at each sample of tile `number` of a window, into `depth` and `ids`; `c` (SIZE,) int32 is scratch."""
     begin, end, samples, pixels = np.int64(start[number]), np.int64(start[number + 1]), len(pattern), tile * tile

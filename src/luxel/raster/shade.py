@@ -254,42 +254,44 @@ def _shade(queue, tiles, occupied, all_ids, bins, all_samples, mean, all_drawn, 
     planes = samples if every_sample else 1
     to_samples = len(target.samples) > 0
     direct = (samples == 1 or not every_sample) and not to_samples and len(target.linear) == 0  # all is opaque: no sums are needed
-    number = first_tile + jit.take(queue)
+    number, covered = first_tile + jit.take(queue), not cover
     while number < last_tile:
         slot = number - first_tile
         px, py = (number % across) * tile, (number // across) * tile
         wide, high = min(tile, width - px), min(tile, height - py)
         empty = occupied[number] == 0
-        if direct:
-            ask_for(target.color, (top + py) * target.color.shape[1] + left + px, wide, high)
-        seen = here if cover else ids[slot]
-        if cover and not empty:
-            cover_tile(number, start, bin_ids, across, tile, width, height, geometry.triangles, drawn.screen, drawn.clipped.screen, pattern, depth,
-                       seen, c, None)  # fmt: skip
-        if empty or direct:
-            for plane in range(4):
-                sums[plane * pixels : plane * pixels + wide] = _F(0.0)
-        else:
-            sums[:] = _F(0.0)
-        if direct:
-            write_tile(sums, True, tile, left + px, top + py, wide, high, exposure, background, target.color, target.linear)
-        at = Cursor(0, planes if empty else 0, 0)
-        while at.plane < planes:
-            known = at.setups if at.setups + FRAGMENTS <= SETUPS else 0
-            n, runs, at = gather(r, setups, Cursor(known, at.plane, at.pixel), seen, samples_at, tile, wide, high, geometry.triangles)
-            set_up(g, known, at.setups, setups, px, py, tile, drawn, features, rich)
-            attributes(g, r, runs, n, material, setups, parts, tangents, features, footprint, eye, rich)
-            surface(g, material, n, materials, rich)
-            light(g, n, lights, rich)
-            if to_samples:
-                lay_over_samples(g, r, runs, samples, pixels, target.samples[slot])
-            elif direct:
-                write_opaque(g, r, runs, n, samples, tile, exposure, background, codes, target.color, top + py, left + px)
+        if covered or empty:
+            seen = here if cover else ids[slot]
+            if empty or direct:
+                for plane in range(4):
+                    sums[plane * pixels : plane * pixels + wide] = _F(0.0)
             else:
-                add_to_pixels(g, r, runs, samples, pixels, sums)
-        if not to_samples and not direct:
-            write_tile(sums, empty, tile, left + px, top + py, wide, high, exposure, background, target.color, target.linear)
-        number = first_tile + jit.take(queue)
+                sums[:] = _F(0.0)
+            if direct:
+                write_tile(sums, True, tile, left + px, top + py, wide, high, exposure, background, target.color, target.linear)
+            at = Cursor(0, planes if empty else 0, 0)
+            while at.plane < planes:
+                known = at.setups if at.setups + FRAGMENTS <= SETUPS else 0
+                n, runs, at = gather(r, setups, Cursor(known, at.plane, at.pixel), seen, samples_at, tile, wide, high, geometry.triangles)
+                set_up(g, known, at.setups, setups, px, py, tile, drawn, features, rich)
+                attributes(g, r, runs, n, material, setups, parts, tangents, features, footprint, eye, rich)
+                surface(g, material, n, materials, rich)
+                light(g, n, lights, rich)
+                if to_samples:
+                    lay_over_samples(g, r, runs, samples, pixels, target.samples[slot])
+                elif direct:
+                    write_opaque(g, r, runs, n, samples, tile, exposure, background, codes, target.color, top + py, left + px)
+                else:
+                    add_to_pixels(g, r, runs, samples, pixels, sums)
+            if not to_samples and not direct:
+                write_tile(sums, empty, tile, left + px, top + py, wide, high, exposure, background, target.color, target.linear)
+            number, covered = first_tile + jit.take(queue), not cover
+        else:  # down here, so that it is compiled last, when another process has (see `warm`)
+            if direct:
+                ask_for(target.color, (top + py) * target.color.shape[1] + left + px, wide, high)
+            cover_tile(number, start, bin_ids, across, tile, width, height, geometry.triangles, drawn.screen, drawn.clipped.screen, pattern, depth,
+                       here, c, None)  # fmt: skip
+            covered = True
     # The scratch must live until here: borrowing does not keep it.
     own_g[0] = len(own_sums) + len(own_runs.head) + len(own_setups.table) + len(own_codes) + len(own_material) + len(own_ids) + len(own_depth)
     own_c[0] = 0
