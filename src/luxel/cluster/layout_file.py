@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import stat
 import tempfile
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
@@ -20,7 +19,7 @@ from luxel.cluster.layout import Layout
 from luxel.cluster.ply_table import Table, tables_of
 from luxel.cluster.soup_sum import soup_sum
 from luxel.errors import FileError
-from luxel.io.files import door, open_plain, tell
+from luxel.io.files import door, mode_of, open_plain, tell
 from luxel.io.ply import read_header
 from luxel.layout import files
 from luxel.layout.optimize import Options, Progress, Report
@@ -151,9 +150,11 @@ def _whole_or_not(target: Path, size: int, comm: Comm) -> Iterator[IO[bytes]]:
             os.close(handle)
         with open(comm.share(name), "r+b") as out:
             yield out
+            out.flush()
+            os.fsync(out.fileno())  # on a shared disk, what it lacks room for is told only now
         comm.gather(None)
         if comm.rank == 0:
-            os.chmod(name, _mode(target))
+            os.chmod(name, mode_of(target))
             os.replace(name, target)
             name = ""
             comm.unfinished(None)
@@ -164,14 +165,6 @@ def _whole_or_not(target: Path, size: int, comm: Comm) -> Iterator[IO[bytes]]:
         if name and comm.rank == 0:
             with suppress(OSError):
                 os.unlink(name)
-
-
-def _mode(path: Path) -> int:
-    with suppress(OSError):
-        return stat.S_IMODE(path.stat().st_mode)
-    mask = os.umask(0)
-    os.umask(mask)
-    return 0o666 & ~mask
 
 
 def _merged(report: Report, comm: Comm) -> Report:

@@ -101,7 +101,7 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
         os.close(handle)
         with open(temporary, "wb") as file:  # by name, which libraries that write on their own need
             yield file
-        os.chmod(temporary, _mode(path))
+        os.chmod(temporary, mode_of(path))
         os.replace(temporary, path)
         temporary = None
     except OSError as error:
@@ -112,7 +112,7 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
                 os.unlink(temporary)
 
 
-def _mode(path: Path) -> int:
+def mode_of(path: Path) -> int:
     """The mode of the file that is replaced, or that of any new file (mkstemp's own is private)."""
     with suppress(OSError):
         return stat.S_IMODE(path.stat().st_mode)
