@@ -3,45 +3,34 @@
 from __future__ import annotations
 
 import os
-import signal
 import sys
 import warnings
 from collections.abc import Sequence
 
+from luxel import interrupts
 from luxel.errors import LuxelError
-
-INTERRUPTED = 130
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code.
 
-    0: done. 1: something unexpected, or `diff` found a difference. 2: wrong input. 130: interrupted.
+    0: done. 1: something unexpected, or `diff` found a difference. 2: wrong input. 130: interrupted (143 by SIGTERM).
 
     Args:
         arguments: Words after `luxel`; None takes the process's own.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
-    if arguments is None and signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # not where interrupts are ignored
-        signal.signal(signal.SIGINT, _note_interrupt)
+    if arguments is None:
+        interrupts.stop_on_signals()
     if "--traceback" in words:  # it may stand anywhere
         words.remove("--traceback")
         words.insert(0, "--traceback")
     with warnings.catch_warnings():
         _show_warnings_on_one_line()
         code = _flushed(_guarded(words))
-    if code == INTERRUPTED and arguments is None:
+    if code == interrupts.exit_code() and arguments is None:
         os._exit(code)  # at once: not after kernels that still run, and not by the signal, as CPython may choose to
     return code
-
-
-_interrupts: list[int] = []
-
-
-def _note_interrupt(number: int, frame: object) -> None:
-    """Raise KeyboardInterrupt, and remember: what it goes through may make another exception of it."""
-    _interrupts.append(number)
-    raise KeyboardInterrupt
 
 
 def _guarded(words: list[str]) -> int:
@@ -53,7 +42,7 @@ def _guarded(words: list[str]) -> int:
     except SystemExit as leaving:  # a reader that went away (typer's answer to EPIPE)
         return leaving.code if isinstance(leaving.code, int) else 1
     except KeyboardInterrupt:
-        code = INTERRUPTED
+        code = interrupts.exit_code()
     except LuxelError as error:
         return _fail(str(error), 2, words, error)
     except OSError as error:
@@ -61,9 +50,9 @@ def _guarded(words: list[str]) -> int:
     except MemoryError as error:
         return _fail(f"not enough memory: {error or 'no more could be had'}", 1, words, error)
     except Exception as error:
-        if _interrupts:
-            print("luxel: interrupted", file=sys.stderr)  # noqa: T201
-            return INTERRUPTED
+        if interrupts.interrupted():
+            print(f"luxel: {interrupts.told()}", file=sys.stderr)  # noqa: T201
+            return interrupts.exit_code()
         usage = getattr(error, "format_message", None)  # typer's own errors, wherever this version of it keeps them
         if usage and any(os.environ.get(name, "0") != "0" for name in ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK")):
             return 2  # every rank has read the same words; the first one says what is wrong with them
@@ -71,8 +60,8 @@ def _guarded(words: list[str]) -> int:
             return _fail(_suggested(error, usage(), words), 2, words, error)
         what = str(error) or "no message"
         return _fail(f"unexpected {type(error).__name__}: {what} (--traceback shows where)", 1, words, error)
-    if code == INTERRUPTED:
-        print("luxel: interrupted", file=sys.stderr)  # noqa: T201
+    if code == interrupts.exit_code():
+        print(f"luxel: {interrupts.told()}", file=sys.stderr)  # noqa: T201
     return code
 
 

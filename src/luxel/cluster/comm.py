@@ -20,7 +20,6 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,6 +27,8 @@ import numpy as np
 from luxel.arrays import Array
 from luxel.cluster.failure import Witness
 from luxel.errors import ExtraMissingError
+from luxel.interrupts import stop_on_signals
+from luxel.unfinished import listen
 
 _LAUNCHERS = ("PMI_RANK", "PMIX_RANK", "PMI_ID", "OMPI_COMM_WORLD_RANK", "MPI_LOCALRANKID", "MV2_COMM_WORLD_RANK")
 _PATIENCE = 0.002  # seconds of waiting without sleep
@@ -125,9 +126,6 @@ class Comm:
         if wanted is not None or os.environ.get("LUXEL_THREADS"):
             return checked_threads(wanted)
         return max(1, len(own_cores()) // self.neighbours)
-
-    def unfinished(self, path: Path | None) -> None:
-        """Should this rank die, this file is to be removed; None takes that back."""
 
     @contextmanager
     def guard(self) -> Iterator[None]:
@@ -280,9 +278,6 @@ class _Ranks(Comm):
         ends = np.cumsum(sizes)
         return [got[end - size : end].reshape(shape) for end, size, shape in zip(ends, sizes, shapes, strict=True)]
 
-    def unfinished(self, path: Path | None) -> None:
-        self._witness.unfinished("" if path is None else str(path.absolute()))
-
     @contextmanager
     def guard(self) -> Iterator[None]:
         try:
@@ -339,4 +334,6 @@ def world() -> Comm:
     atexit.register(witness.rest)
     if ranks.size > 1:
         sys.excepthook = lambda kind, error, trace: ranks.end(error)
+        stop_on_signals()
+        listen(witness.unfinished)
     return ranks

@@ -8,6 +8,7 @@ because of another have nothing to say.
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import socket
 import sys
@@ -16,13 +17,14 @@ import traceback
 from collections.abc import Callable
 from contextlib import suppress
 
+from luxel import interrupts
 from luxel.errors import LuxelError
 
-FAILED, INTERRUPTED = 2, 130
+FAILED = 2
 _LAST_WORD = 0.5  # seconds that the launcher has to pass on what a rank said before it stops them all
 _CLEANING = 8.0  # seconds that rank 0 has, when all are interrupted, to end what it computes, keep a state, and remove what it was writing
 _SILENCE = 2.0  # seconds after one's word in which the others' is not news
-_PEACE, _SPOKEN, _FILE = b"\0", b"\1", b"\2"
+_PEACE, _SPOKEN, _NAME, _BEGUN, _ENDED = b".", b"!", b"=", b"+", b"-"  # first bytes of the lines that a rank tells its witness
 
 
 class Witness:
@@ -45,11 +47,11 @@ class Witness:
     def know(self, name: str) -> None:
         """The rank is called this."""
         self.name = name
-        self._tell(name.encode())
+        self._tell(_NAME, name.encode())
 
-    def unfinished(self, path: str) -> None:
-        """Should the rank end without peace, this file is to be removed; "" takes that back."""
-        self._tell(_FILE + os.fsencode(path).hex().encode() + _FILE)
+    def unfinished(self, path: str, begun: bool) -> None:
+        """A file or folder is begun, which is to be removed should the rank end without peace; or it is ended (`luxel.unfinished`)."""
+        self._tell(_BEGUN if begun else _ENDED, os.fsencode(path))
 
     def rest(self) -> None:
         """The rank ends in peace."""
@@ -66,17 +68,17 @@ class Witness:
         interrupted = isinstance(error, KeyboardInterrupt)  # all are, at once
         if interrupted and not first:
             time.sleep(_CLEANING)
-        text = "luxel: interrupted" if interrupted else f"luxel: {self.name}: {told(error)}"
+        text = f"luxel: {interrupts.told()}" if interrupted else f"luxel: {self.name}: {told(error)}"
         if self._pipe < 0:
             print(text, file=sys.stderr, flush=True)  # noqa: T201
-        self._tell(_SPOKEN + text.encode(errors="backslashreplace") + _SPOKEN)
+        self._tell(_SPOKEN, text.encode(errors="backslashreplace"))
         time.sleep(_LAST_WORD)  # a launcher that is told to stop drops what it has not read yet
-        abort(INTERRUPTED if interrupted else FAILED)
+        abort(interrupts.exit_code() if interrupted else FAILED)
 
-    def _tell(self, what: bytes) -> None:
+    def _tell(self, kind: bytes, what: bytes = b"") -> None:
         if self._pipe >= 0 and os.getpid() == self._rank:  # not in a child of the rank
             with suppress(BrokenPipeError):  # it has heard enough
-                os.write(self._pipe, what)
+                os.write(self._pipe, kind + what.hex().encode() + b"\n")
 
 
 def told(error: BaseException) -> str:
@@ -103,20 +105,25 @@ def _wait(read: int, rank: int, launcher: int) -> None:
         nowhere = os.open(os.devnull, os.O_RDWR)
         os.dup2(nowhere, 0)
         os.dup2(nowhere, 1)
-        heard = b""
-        while not heard.endswith((_PEACE, _SPOKEN)) or heard.count(_SPOKEN) == 1:
-            part = os.read(read, 4096)
-            heard += part
-            if not part:
+        name, text, begun = "a rank", "", set[bytes]()
+        for line in os.fdopen(read, "rb"):
+            if not line.endswith(b"\n"):
+                break  # it died while it spoke
+            kind, what = line[:1], bytes.fromhex(line[1:].decode())
+            if kind == _PEACE:
+                return
+            if kind == _NAME:
+                name = what.decode()
+            elif kind == _SPOKEN:
+                text = what.decode()
                 break
-        if heard.endswith(_PEACE):
-            return
-        words = heard.split(_SPOKEN)
-        name, *files = words[0].split(_FILE)
-        if files[:-1] and files[-2]:
-            with suppress(OSError):
-                os.unlink(os.fsdecode(bytes.fromhex(files[-2].decode())))
-        text = words[1].decode() if len(words) == 3 else f"luxel: {name.decode() or 'a rank'}: {_cause(rank)}"
+            elif kind == _BEGUN:
+                begun.add(what)
+            else:
+                begun.discard(what)
+        for path in begun:
+            _remove(path)
+        text = text or f"luxel: {name}: {_cause(rank)}"
         with socket.socket(socket.AF_UNIX) as first:
             if sys.platform == "linux":
                 first.bind(f"\0luxel-{launcher}")  # a name that only one can have, and that goes with it
@@ -125,6 +132,11 @@ def _wait(read: int, rank: int, launcher: int) -> None:
             time.sleep(_SILENCE)
     finally:
         os._exit(0)
+
+
+def _remove(path: bytes) -> None:
+    with suppress(OSError):
+        shutil.rmtree(path) if os.path.isdir(path) else os.unlink(path)
 
 
 def _cause(process: int) -> str:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import IO, Any
@@ -19,11 +18,12 @@ from luxel.cluster.layout import Layout
 from luxel.cluster.ply_table import Table, tables_of
 from luxel.cluster.soup_sum import soup_sum
 from luxel.errors import FileError
-from luxel.io.files import door, mode_of, open_plain, tell
+from luxel.io.files import beside, door, mode_of, open_plain, tell
 from luxel.io.ply import read_header
 from luxel.layout import files
 from luxel.layout.optimize import Options, Progress, Report
 from luxel.layout.partition import Work
+from luxel.unfinished import unfinished
 
 
 def optimize_file(source: Path, target: Path | None, options: Options, comm: Comm, *, measures: bool = True, check: bool = False,
@@ -141,30 +141,28 @@ def _prove(layout: Layout, target: Path, out: IO[bytes], begins: dict[str, int],
 @contextmanager
 def _whole_or_not(target: Path, size: int, comm: Comm) -> Iterator[IO[bytes]]:
     """A file of `size` bytes that all ranks write; it takes the place of `target` when they are done."""
-    name = ""
-    try:
-        if comm.rank == 0:
-            handle, name = tempfile.mkstemp(prefix=f".{target.name[:100]}.", suffix=".part", dir=target.parent)
-            comm.unfinished(Path(name))
-            os.truncate(handle, size)
-            os.close(handle)
-        with open(comm.share(name), "r+b") as out:
-            yield out
-            out.flush()
-            os.fsync(out.fileno())  # on a shared disk, what it lacks room for is told only now
-        comm.gather(None)
-        if comm.rank == 0:
-            os.chmod(name, mode_of(target))
-            os.replace(name, target)
-            name = ""
-            comm.unfinished(None)
-        comm.gather(None)
-    except OSError as error:
-        raise FileError(target, f"cannot write: {error.strerror or error}") from error
-    finally:
-        if name and comm.rank == 0:
-            with suppress(OSError):
-                os.unlink(name)
+    name = comm.share(str(beside(target)) if comm.rank == 0 else None)
+    with unfinished(name) if comm.rank == 0 else nullcontext():
+        try:
+            if comm.rank == 0:
+                with open(name, "xb") as out:
+                    out.truncate(size)
+            comm.gather(None)
+            with open(name, "r+b") as out:
+                yield out
+                out.flush()
+                os.fsync(out.fileno())  # on a shared disk, what it lacks room for is told only now
+            comm.gather(None)
+            if comm.rank == 0:
+                os.chmod(name, mode_of(target))
+                os.replace(name, target)
+            comm.gather(None)
+        except OSError as error:
+            raise FileError(target, f"cannot write: {error.strerror or error}") from error
+        finally:
+            if comm.rank == 0:
+                with suppress(OSError):
+                    os.unlink(name)
 
 
 def _merged(report: Report, comm: Comm) -> Report:

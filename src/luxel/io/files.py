@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import difflib
 import os
+import secrets
 import stat
 import sys
-import tempfile
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -17,6 +17,7 @@ import numpy as np
 
 from luxel.arrays import Array
 from luxel.errors import FileError, LuxelError, LuxelWarning
+from luxel.unfinished import unfinished
 
 
 @contextmanager
@@ -95,25 +96,31 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
         FileError: The folder is missing or cannot be written, or the disk is full.
     """
     path = Path(path)
-    temporary: str | None = None
-    try:
-        handle, temporary = tempfile.mkstemp(prefix=f".{path.name[:100]}.", suffix=".part", dir=path.parent)
-        os.close(handle)
-        with open(temporary, "wb") as file:  # by name, which libraries that write on their own need
-            yield file
-        os.chmod(temporary, mode_of(path))
-        os.replace(temporary, path)
-        temporary = None
-    except OSError as error:
-        raise FileError(path, f"cannot write: {error.strerror or error}") from error
-    finally:
-        if temporary is not None:
+    temporary = str(beside(path))
+    with unfinished(temporary):
+        try:
+            with open(temporary, "xb", opener=_private) as file:  # by name, which libraries that write on their own need
+                yield file
+            os.chmod(temporary, mode_of(path))
+            os.replace(temporary, path)
+        except OSError as error:
+            raise FileError(path, f"cannot write: {error.strerror or error}") from error
+        finally:
             with suppress(OSError):
                 os.unlink(temporary)
 
 
+def beside(path: Path) -> Path:
+    """A name in the folder of `path` that nobody has, for a file that is to take its place: hidden, and ending in ".part"."""
+    return path.with_name(f".{path.name[:100]}.{secrets.token_hex(4)}.part")
+
+
+def _private(name: str, flags: int) -> int:
+    return os.open(name, flags, 0o600)
+
+
 def mode_of(path: Path) -> int:
-    """The mode of the file that is replaced, or that of any new file (mkstemp's own is private)."""
+    """The mode of the file that is replaced, or that of any new file (a part's own is private)."""
     with suppress(OSError):
         return stat.S_IMODE(path.stat().st_mode)
     mask = os.umask(0)

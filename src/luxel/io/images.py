@@ -15,6 +15,7 @@ from luxel.errors import ExtraMissingError, FileError, InputError
 from luxel.io.files import atomic_write, door, read_bytes, tell
 from luxel.io.png import PngStream
 from luxel.scene.material import Texture
+from luxel.unfinished import unfinished
 
 __all__ = [
     "PngStream",
@@ -125,7 +126,7 @@ def _decode_exr(data: bytes, where: str) -> Array:
     OpenEXR = _openexr(f"{where}: reading .exr")
     import tempfile
 
-    with tempfile.NamedTemporaryFile(suffix=".exr") as file:  # OpenEXR reads files only
+    with tempfile.NamedTemporaryFile(suffix=".exr") as file, unfinished(file.name):  # OpenEXR reads files only
         file.write(data)
         file.flush()
         try:
@@ -279,7 +280,7 @@ def exr_bytes(image: Array, notes: dict[str, str] | None = None) -> bytes:
     """The bytes of an OpenEXR file of one layer; as of `write_exr`."""
     import tempfile
 
-    with tempfile.TemporaryDirectory() as folder:  # OpenEXR writes files only
+    with tempfile.TemporaryDirectory() as folder, unfinished(folder):  # OpenEXR writes files only
         path = Path(folder, "image.exr")
         write_exr(path, {"": image}, notes)
         return path.read_bytes()

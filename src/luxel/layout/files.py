@@ -23,6 +23,7 @@ from luxel.layout.measure import Draw, measure
 from luxel.layout.optimize import Options, Progress, Report, draws_of, optimize_scene, seen_of
 from luxel.layout.same import Soup, difference, soups_of
 from luxel.scene.scene import Scene
+from luxel.unfinished import unfinished
 
 _FAMILIES = {".gltf": "gltf", ".glb": "gltf", ".obj": "obj", ".ply": "ply"}
 FORMATS = (".gltf", ".glb", ".obj", ".ply", ".stl", ".off")
@@ -61,7 +62,7 @@ def optimize_file(source: Path, target: Path | None, options: Options, *, measur
         folder = tempfile.TemporaryDirectory(prefix=f".{aim.name[:60]}.", dir=None if target is None else target.parent)
     except OSError as error:
         raise FileError(aim, f"cannot write: {error.strerror}") from error
-    with folder as name:
+    with folder as name, unfinished(name):
         made = Path(name) / aim.name
         before = None
         told = progress or (lambda done: None)

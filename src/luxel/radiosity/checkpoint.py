@@ -11,6 +11,7 @@ import numpy as np
 
 from luxel.arrays import Array
 from luxel.errors import FileError, InputError
+from luxel.io.files import atomic_write
 from luxel.radiosity.luxels import Luxels
 from luxel.radiosity.solve import State, Step
 from luxel.raster.geometry import Geometry
@@ -37,16 +38,10 @@ def save(path: Path, key: str, state: State) -> None:
     Raises:
         FileError: The file cannot be written; what was there stays.
     """
-    beside = path.with_name(path.name + ".part")
     ledger = np.array([[s.shots, *s.emitted, *s.absorbed, *s.escaped, *s.unshot] for s in state.ledger]).reshape(-1, 13)
     arrays = {name: getattr(state, name) for name in _ARRAYS}
-    try:
-        with open(beside, "wb") as file:
-            np.savez(file, key=np.array(key), counts=np.array([state.lights_left, state.shots]), ledger=ledger, **arrays)
-        beside.replace(path)
-    except OSError as error:
-        beside.unlink(missing_ok=True)
-        raise FileError(path, f"the checkpoint cannot be written ({error.strerror or error})") from error
+    with atomic_write(path) as file:
+        np.savez(file, key=np.array(key), counts=np.array([state.lights_left, state.shots]), ledger=ledger, **arrays)
 
 
 def load(path: Path, key: str, fresh: State) -> State | None:

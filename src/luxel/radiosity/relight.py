@@ -21,6 +21,7 @@ import numpy as np
 from luxel import jit
 from luxel.arrays import Array, checked
 from luxel.errors import FileError, InputError
+from luxel.io.files import atomic_write
 from luxel.radiosity.element import AREA
 from luxel.radiosity.gather import exchange_of, gather
 from luxel.radiosity.solve import Rows, groups, patch_starts
@@ -158,15 +159,9 @@ class Transport:
             FileError: It cannot be written.
         """
         path = Path(path)
-        beside = path.with_name(path.name + ".part")
         arrays = {field.name: getattr(self, field.name) for field in fields(self)}
-        try:
-            with open(beside, "wb") as file:
-                np.savez(file, version=np.array(_VERSION), **arrays)
-            beside.replace(path)
-        except OSError as error:
-            beside.unlink(missing_ok=True)
-            raise FileError(path, f"the transport cannot be written ({error.strerror or error})") from error
+        with atomic_write(path) as file:
+            np.savez(file, version=np.array(_VERSION), **arrays)
 
     @classmethod
     def load(cls, path: str | Path) -> Transport:
