@@ -200,7 +200,8 @@ def learning(comm: Comm) -> None:
     for _ in range(3):
         renderer.render(camera, (256, 256), tile=16)
     assert len(renderer.ranks) == comm.size
-    known = comm.gather(renderer.plan.cuts(lambda: np.ones(256), next(iter(renderer.plan._known)), 256, comm.size).tolist() if comm.size > 1 else [])
+    window = next(iter(renderer.plan._known), None)
+    known = comm.gather(renderer.plan.cuts(lambda: np.ones(256), window, 256, np.ones(comm.size)).tolist() if comm.size > 1 else [])
     assert all(cuts == known[0] for cuts in known)
 
 

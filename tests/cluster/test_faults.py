@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
-from test_ranks import MPIEXEC, mpi, needs_mpi
+from test_ranks import MPIEXEC, needs_mpi
 
 import luxel
 from luxel.scene.builtin import bumpy_sphere, cornell_box

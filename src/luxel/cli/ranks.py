@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import re
-import resource
-import sys
 import time
 import warnings
 from collections.abc import Callable
@@ -16,6 +13,7 @@ import numpy as np
 
 from luxel.cli.console import Console, seconds
 from luxel.errors import InputError, LuxelWarning
+from luxel.memory import peak_bytes
 
 if TYPE_CHECKING:
     from luxel.cli.drawing import View
@@ -67,9 +65,10 @@ def draw_file(console: Console, comm: Comm, file: Path, output: Path, size: tupl
     ranks = [{**each, "peak": peak} for each, peak in zip(renderer.ranks, peaks, strict=True)]
     data = {"output": [str(path) for path in paths], "size": list(size), "triangles": shared.triangles, "seconds": took, "divide": divide,
             "composition": composition, "balance": balance, "ranks": ranks}  # fmt: skip
+    kind = "objects" if divide == "both" and shared.division is not None and shared.division.groups == 1 else divide
     what = str(paths[0]) if len(paths) == 1 else f"{paths[0]} .. {paths[-1].name}"
     times = f"loaded in {seconds(took['load'])}, drawn in {seconds(took['draw'])}"
-    console.result(data, f"{what}  ({size[0]}x{size[1]}, {shared.triangles:,} triangles; {comm.size} ranks share {_KINDS[divide]}; {times})")
+    console.result(data, f"{what}  ({size[0]}x{size[1]}, {shared.triangles:,} triangles; {comm.size} ranks share {_KINDS[kind]}; {times})")
 
 
 def compile_first(comm: Comm, work: Callable[[], Any]) -> None:
@@ -85,12 +84,14 @@ def _draw_little(shared: Shared, camera: Any, options: dict[str, Any], ways: tup
     from luxel.cluster.comm import Comm
     from luxel.cluster.render import Renderer
     from luxel.cluster.slices import sliced
-    from luxel.cluster.sort_last import Team
+    from luxel.cluster.sort_last import Division
 
     scene = sliced(shared.scene, 0, 64)
     count = scene.triangle_count
-    team = None if shared.team is None else Team(Comm(), Comm(), 0, 1, np.array([0, count]), shared.team.composition)
-    Renderer(shared._replace(scene=scene, outline=scene, team=team, triangles=count, stream=None), Comm(), *ways).render(
+    division = shared.division
+    if division is not None:
+        division = Division(Comm(), Comm(), 0, np.ones(1, np.int64), np.array([0, count]), division.composition)
+    Renderer(shared._replace(scene=scene, outline=scene, division=division, triangles=count, stream=None), Comm(), *ways).render(
         camera, (48, 27), previous_camera=camera if "motion" in options["outputs"] else None, **options)  # fmt: skip
 
 
@@ -134,7 +135,7 @@ def share_lightmap(shared: Shared, path: Path, comm: Comm) -> None:
     from luxel.cli.drawing import give_lightmap, with_lightmap
     from luxel.scene.material import Material
 
-    if shared.team is None:
+    if shared.division is None:
         with_lightmap(shared.scene, path)
         return
     scene = shared.scene
@@ -177,12 +178,3 @@ def warn_of_crowds(comm: Comm, threads: int | None) -> None:
             f"{'fewer ranks' if comm.neighbours > cores else f'--threads {cores // comm.neighbours}'} would be faster",
             LuxelWarning, stacklevel=2,
         )  # fmt: skip
-
-
-def peak_bytes() -> int:
-    """The most memory that this process has had; where Linux tells it, without that of the process which started it."""
-    status = Path("/proc/self/status")
-    found = re.search(r"VmHWM:\s*(\d+) kB", status.read_text()) if status.exists() else None
-    if found:
-        return 1024 * int(found[1])
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)

@@ -9,6 +9,9 @@ from luxel import jit
 CODE = 3
 """Bits for the piece: clipping makes up to seven of a triangle, numbered from 1; 0 is the triangle itself."""
 
+MOST = 1 << 31 - CODE
+"""Triangles, from which on int32 cannot hold the codes."""
+
 
 @jit.kernel
 def take_nearer(slots, samples, ids, depths, start, m, source, piece, codes, nearest):

@@ -26,7 +26,7 @@ import numpy as np
 
 from luxel.arrays import Array
 from luxel.cluster.failure import Witness
-from luxel.errors import ExtraMissingError
+from luxel.errors import ExtraMissingError, InputError
 from luxel.interrupts import stop_on_signals
 from luxel.unfinished import listen
 
@@ -35,6 +35,7 @@ _PATIENCE = 0.002  # seconds of waiting without sleep
 _NAP = 0.005
 _MOVED = 7  # tag of what `move` sends, apart from what else is under way
 _MOST_BYTES = 1 << 30  # of one message: MPI counts in int32
+_SIZES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "MV2_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS")  # how many processes a launcher says it has started
 
 
 class Comm:
@@ -44,9 +45,10 @@ class Comm:
         rank: Of this process, from 0.
         size: Number of ranks.
         neighbours: How many of them share cores with this one, itself included: those of its machine that are not bound to others.
+        here: How many are on its machine, and share its memory.
     """
 
-    rank, size, neighbours = 0, 1, 1
+    rank, size, neighbours, here = 0, 1, 1, 1
 
     def __init__(self) -> None:
         self._sent, self._waited = [0], [0.0]
@@ -105,7 +107,7 @@ class Comm:
         return dict(out)
 
     def part(self, color: int) -> Comm:
-        """The ranks that give the same color, as ranks of their own, in their order."""
+        """The ranks that give the same color, as ranks of their own, in their order; the same ones when it is asked for again."""
         return Comm()
 
     def spread(self, work: Callable[[int, Array], Array], items: Iterable[tuple[int, Array]]) -> Iterator[Array]:
@@ -133,22 +135,22 @@ class Comm:
         yield
 
 
-class _Ranks(Comm):
+class _MpiRanks(Comm):
     """The ranks of MPI."""
 
-    def __init__(self, mpi: Any, comm: Any, witness: Witness, whole: _Ranks | None = None) -> None:
+    def __init__(self, mpi: Any, comm: Any, witness: Witness, whole: _MpiRanks | None = None) -> None:
         super().__init__()
-        self._mpi, self._comm, self._witness = mpi, comm, witness
+        self._mpi, self._comm, self._witness, self._parts = mpi, comm, witness, dict[tuple[int, ...], Comm]()
         self.rank, self.size = comm.Get_rank(), comm.Get_size()
         if whole is not None:
-            self.neighbours, self._sent, self._waited = whole.neighbours, whole._sent, whole._waited
+            self.neighbours, self.here, self._sent, self._waited = whole.neighbours, whole.here, whole._sent, whole._waited
             return
         from luxel.jit import own_cores
 
-        here = comm.Split_type(mpi.COMM_TYPE_SHARED)
+        machine = comm.Split_type(mpi.COMM_TYPE_SHARED)
         own = own_cores()
-        self.neighbours = sum(not own.isdisjoint(cores) for cores in here.allgather(own))
-        here.Free()
+        self.neighbours, self.here = sum(not own.isdisjoint(cores) for cores in machine.allgather(own)), machine.Get_size()
+        machine.Free()
         witness.know(f"rank {self.rank} of {self.size}")
 
     def _wait(self, ready: Callable[[], bool]) -> None:
@@ -170,8 +172,8 @@ class _Ranks(Comm):
     def share_array(self, array: Array | None) -> Array:
         shape, dtype = self.share((array.shape, array.dtype) if array is not None else None)
         out = np.ascontiguousarray(array) if array is not None else np.empty(shape, dtype)
-        if out.size:
-            self._comm.Bcast(_bytes(out))
+        for part in _pieces(out):
+            self._comm.Bcast(_bytes(part))
         return out
 
     def deal(self, arrays: Sequence[Array] | None) -> Array:
@@ -189,15 +191,15 @@ class _Ranks(Comm):
 
     def _send(self, array: Array, rank: int) -> None:
         self._comm.send((array.shape, array.dtype), rank)
-        if array.size:
-            self._comm.Send(_bytes(np.ascontiguousarray(array)), rank)
+        for part in _pieces(np.ascontiguousarray(array)):
+            self._comm.Send(_bytes(part), rank)
 
     def _receive(self, rank: int) -> Array:
         self._wait(lambda: self._comm.iprobe(rank))
         shape, dtype = self._comm.recv(source=rank)
         out = np.empty(shape, dtype)
-        if out.size:
-            self._comm.Recv(_bytes(out), rank)
+        for part in _pieces(out):
+            self._comm.Recv(_bytes(part), rank)
         return out
 
     def spread(self, work: Callable[[int, Array], Array], items: Iterable[tuple[int, Array]]) -> Iterator[Array]:
@@ -243,13 +245,17 @@ class _Ranks(Comm):
         own, sizes = _bytes(np.ascontiguousarray(array)), np.empty(self.size, np.int64)
         self._wait(self._comm.Iallgather(np.array([own.size]), sizes).Test)
         whole = np.empty(int(sizes.sum()), np.uint8)
-        self._wait(self._comm.Iallgatherv(own, [whole, sizes]).Test)
-        self._sent[0] += own.size * (self.size - 1)
-        return [part.view(array.dtype) for part in np.split(whole, np.cumsum(sizes)[:-1])]
+        parts = np.split(whole, np.cumsum(sizes)[:-1])
+        if len(whole) <= _MOST_BYTES:
+            self._wait(self._comm.Iallgatherv(own, [whole, sizes]).Test)
+            self._sent[0] += own.size * (self.size - 1)
+        else:
+            self._to_all([own] * self.size, parts)
+        return [part.view(array.dtype) for part in parts]
 
     def move(self, out: Sequence[tuple[int, Array]], into: Sequence[tuple[int, Array]]) -> None:
-        waiting = [self._comm.Irecv(_bytes(part), rank, _MOVED) for rank, array in into for part in _parts(array)]
-        whole = [(rank, part) for rank, array in out for part in _parts(np.ascontiguousarray(array))]
+        waiting = [self._comm.Irecv(_bytes(part), rank, _MOVED) for rank, array in into for part in _pieces(array)]
+        whole = [(rank, part) for rank, array in out for part in _pieces(np.ascontiguousarray(array))]
         waiting += [self._comm.Isend(_bytes(part), rank, _MOVED) for rank, part in whole]
         self._sent[0] += sum(part.nbytes for _, part in whole)
         self._wait(lambda: self._mpi.Request.Testall(waiting))
@@ -262,21 +268,24 @@ class _Ranks(Comm):
         return got
 
     def part(self, color: int) -> Comm:
-        self._together()
-        return _Ranks(self._mpi, self._comm.Split(color, self.rank), self._witness, self)
+        colors = tuple(self.gather(color))
+        if colors not in self._parts:  # on all ranks, or on none; MPI has only so many, and those who hold one never know when all are done with it
+            self._parts[colors] = _MpiRanks(self._mpi, self._comm.Split(color, self.rank), self._witness, self)
+        return self._parts[colors]
 
     def exchange(self, arrays: Sequence[Array]) -> list[Array]:
         self._together()
         shapes = self._comm.alltoall([array.shape for array in arrays])
         dtype = arrays[0].dtype
-        sent = np.concatenate([np.ascontiguousarray(array).reshape(-1) for array in arrays])
-        counts = [array.nbytes for array in arrays]
-        self._sent[0] += sum(counts) - counts[self.rank]
-        sizes = [int(np.prod(shape)) for shape in shapes]
-        got = np.empty(sum(sizes), dtype)
-        self._comm.Alltoallv([sent.view(np.uint8), counts], [got.view(np.uint8), [size * dtype.itemsize for size in sizes]])
-        ends = np.cumsum(sizes)
-        return [got[end - size : end].reshape(shape) for end, size, shape in zip(ends, sizes, shapes, strict=True)]
+        got = [np.empty(shape, dtype) for shape in shapes]
+        self._to_all(arrays, got)
+        return got
+
+    def _to_all(self, arrays: Sequence[Array], got: Sequence[Array]) -> None:
+        """Send each rank its array, and fill those that come from each; what is empty is not sent."""
+        got[self.rank][...] = arrays[self.rank]
+        others = [rank for rank in range(self.size) if rank != self.rank]
+        self.move([(rank, arrays[rank]) for rank in others], [(rank, got[rank]) for rank in others])
 
     @contextmanager
     def guard(self) -> Iterator[None]:
@@ -302,17 +311,28 @@ def _bytes(array: Array) -> Array:
     return array.reshape(-1).view(np.uint8)
 
 
-def _parts(array: Array) -> list[Array]:
+def _pieces(array: Array) -> list[Array]:
     """`array` in pieces that MPI can count the bytes of; none, if it is empty."""
     flat = array.reshape(-1)
     assert array.flags.c_contiguous
-    step = _MOST_BYTES // array.itemsize
+    step = max(1, _MOST_BYTES // array.itemsize)
     return [flat[start : start + step] for start in range(0, len(flat), step)]
 
 
 def launched() -> bool:
-    """Whether a launcher of MPI started this process."""
-    return any(name in os.environ for name in _LAUNCHERS)
+    """Whether a launcher of MPI started this process, or Slurm's, whether or not it has told MPI so."""
+    return any(name in os.environ for name in _LAUNCHERS) or _started() > 1
+
+
+def _started() -> int:
+    """How many processes, with this one, a launcher says it has started; 1 if none says anything."""
+    return next((int(os.environ[name]) for name in _SIZES if os.environ.get(name, "").isdigit()), 1)
+
+
+_SLURM = ("start with `srun --mpi=pmi2` or `--mpi=pmix` (`srun --mpi=list` tells what there is), or with the `mpiexec` that came with this MPI, or "
+          "build mpi4py against the site's MPI (`pip install --no-binary mpi4py mpi4py`). For processes that have nothing to do with each other, "
+          "`unset SLURM_STEP_NUM_TASKS`")  # fmt: skip
+_LAUNCHER = "the launcher is another MPI's; start with the `mpiexec` that belongs to the MPI which mpi4py is built against"
 
 
 @cache
@@ -321,6 +341,7 @@ def world() -> Comm:
 
     Raises:
         ExtraMissingError: A launcher started several processes, and mpi4py is not installed: each would do all of the work.
+        InputError: A launcher started several, and MPI knows of one only: each would do all of the work.
     """
     if not launched():
         return Comm()
@@ -330,8 +351,11 @@ def world() -> Comm:
         from mpi4py import MPI
     except ImportError as error:
         raise ExtraMissingError("mpi4py", "mpi", "running under an MPI launcher") from error
-    ranks = _Ranks(MPI, MPI.COMM_WORLD, witness)
+    ranks = _MpiRanks(MPI, MPI.COMM_WORLD, witness)
     atexit.register(witness.rest)
+    if ranks.size == 1 and _started() > 1:
+        what, remedy = " ".join(MPI.Get_library_version()[:60].split()[:3]), _SLURM if "SLURM_STEP_NUM_TASKS" in os.environ else _LAUNCHER
+        raise InputError(f"this is one of {_started()} processes, and {what} takes it for the only one, so each would do all of the work: {remedy}")
     if ranks.size > 1:
         sys.excepthook = lambda kind, error, trace: ranks.end(error)
         stop_on_signals()

@@ -76,10 +76,11 @@ def tile_costs(geometry: Geometry, view: View, window: Window, tile: int, sample
     return _TRIANGLE * counts + _PIXEL * (0.75 + samples / 4) * np.minimum(areas, tile * tile) + _TILE
 
 
-def cut(costs: Array, parts: int) -> Array:
-    """(parts + 1,) int64: where (n,) costs are cut into so many runs whose sums are as equal as may be; some are empty if there are more."""
+def cut(costs: Array, hands: Array) -> Array:
+    """(parts + 1,) int64: where (n,) costs are cut into runs whose sums are as `hands` (parts,), as nearly as may be; some are empty if there are
+    more."""
     total = np.concatenate([[0.0], np.cumsum(costs)])
-    wanted = total[-1] * np.arange(parts + 1) / parts
+    wanted = total[-1] * np.concatenate([[0.0], np.cumsum(hands)]) / hands.sum()
     after = np.searchsorted(total, wanted)
     before = np.maximum(after - 1, 0)
     at = np.where(wanted - total[before] < total[np.minimum(after, len(costs))] - wanted, before, np.minimum(after, len(costs)))
@@ -99,26 +100,26 @@ class Plan:
         self._known: dict[Window, Array] = {}  # measured cost of a tile over the guessed one
         self._counted: dict[Window, tuple[Array, Array]] = {}
         self._chunks: tuple[Array, Chunks] | None = None
-        self._drawn: list[tuple[Window, Array, Array]] = []
+        self._drawn: list[tuple[Window, Array, Array, Array]] = []
 
-    def cuts(self, costs: Callable[[], Array], window: Window, tiles: int, groups: int, view: Array | None = None) -> Array:
+    def cuts(self, costs: Callable[[], Array], window: Window, tiles: int, hands: Array, view: Array | None = None) -> Array:
         """(groups + 1,) int64: group g draws the tiles cuts[g] .. cuts[g + 1] - 1.
 
         Args:
             costs: Gives those of the tiles; called on all ranks, or on none.
             window: Of the picture.
             tiles: Of the window.
-            groups: How many share them.
+            hands: (groups,) int64: how many ranks each of the groups has that share them.
             view: (4, 4) clip_from_world; if it is that of the picture before, so are the costs, as they have been measured.
         """
-        if self.how == "static" or groups == 1:
-            return cut(np.ones(tiles), groups)
+        if self.how == "static" or len(hands) == 1:
+            return cut(np.ones(tiles), hands)
         before = self._counted.get(window)
         if before is None or view is None or not np.array_equal(before[0], view):
             self._counted[window] = before = np.eye(4) if view is None else view, costs()
         guessed = before[1] * self._known.get(window, 1.0)
-        cuts = cut(guessed, groups)
-        self._drawn.append((window, cuts, guessed))
+        cuts = cut(guessed, hands)
+        self._drawn.append((window, cuts, guessed, hands))
         return cuts
 
     def reach(self, geometry: Geometry, view: View, window: Window, bounds: tuple[int, int, int, int]) -> Reach:
@@ -129,8 +130,8 @@ class Plan:
 
     def learn(self, seconds: Array) -> None:
         """(groups,) float64: what each group took to draw what it was given since the last call."""
-        for window, cuts, guessed in self._drawn:
-            parts = np.add.reduceat(np.append(guessed, 0.0), cuts[:-1]) * (np.diff(cuts) > 0)
+        for window, cuts, guessed, hands in self._drawn:
+            parts = np.add.reduceat(np.append(guessed, 0.0), cuts[:-1]) * (np.diff(cuts) > 0) / hands
             took = np.where(parts > 0, np.maximum(seconds, 1e-9) / np.maximum(parts, 1e-9), 0.0)
             ratio = took / (seconds.sum() / max(parts.sum(), 1e-9))
             factor = np.repeat(np.where(parts > 0, ratio, 1.0) ** _FAITH, np.diff(cuts))

@@ -13,9 +13,12 @@ from typing import IO
 import numpy as np
 
 from luxel.arrays import Array
+from luxel.cluster.codes import MOST
 from luxel.cluster.comm import Comm
-from luxel.cluster.ply_table import Table, tables_of
+from luxel.cluster.ply_table import PIECE, Table, tables_of
 from luxel.cluster.ply_table import corners as corners_of
+from luxel.cluster.slices import check_count
+from luxel.errors import InputError
 from luxel.io.files import open_plain
 from luxel.io.ply import read_header, scene_of
 from luxel.io.ply_rows import ROWS, Columns, Lists
@@ -23,8 +26,6 @@ from luxel.scene.scene import Scene
 
 STREAMED = 1 << 20
 """Triangles of a rank: larger shares stay in the file."""
-PIECE = 1 << 17
-"""Triangles of such a share that are drawn together."""
 _UNIT = 1e-3  # as `io.build` judges normals
 
 
@@ -123,6 +124,7 @@ def load_share(path: Path, comm: Comm) -> tuple[Scene | Stream, Scene] | None:
         if tables is None or not _whole_scene(tables[0]) or max(table.end for table in tables) > path.stat().st_size:
             return None  # if it is too short, the reader of whole files says so
         vertex, face = tables
+        _check_counts(path, face.rows, comm.size)
         first, last = comm.share_out(face.rows)[comm.rank]
         streamed = face.rows > STREAMED * comm.size
         corners = None if streamed else corners_of(face, file, first, last)
@@ -137,6 +139,19 @@ def load_share(path: Path, comm: Comm) -> tuple[Scene | Stream, Scene] | None:
     whole = scene_of(path, {"vertex": {name: np.zeros(0, np.float32) for name in "xyz"}}, "")
     whole.meshes[0] = Outline(Vertices(path, vertex), face.rows)  # type: ignore[call-overload]
     return scene, whole
+
+
+def _check_counts(path: Path, faces: int, ranks: int) -> None:
+    """See that numbers of triangles, and codes of those of a share, are int32.
+
+    Raises:
+        InputError: They are not; with the number of ranks that would do.
+    """
+    check_count(path.name, faces)
+    enough = -(-faces // (MOST - 1))
+    if ranks < enough:
+        raise InputError(f"{path.name}: {faces:,} triangles are too many for {ranks} rank{'s' * (ranks > 1)} that share them: "
+                         f"expected at least {enough}, with --divide objects")  # fmt: skip
 
 
 def _whole_scene(vertex: Table) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import mmap
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from typing import IO, Any
 
 import numpy as np
@@ -43,17 +44,26 @@ class Table:
         """Rows first .. last - 1, some at a time."""
         file.seek(self.begin + first * self.dtype.itemsize)
         for start in range(first, last, piece):
-            rows = np.fromfile(file, self.dtype, min(piece, last - start))
+            with self._reading(file):
+                rows = np.fromfile(file, self.dtype, min(piece, last - start))
             if len(rows) < min(piece, last - start):
                 raise FileError(f"{file.name}, element {self.element.name}", f"the file ends in row {start + len(rows)} of {self.rows}")
             yield start, rows
+
+    @contextmanager
+    def _reading(self, file: IO[bytes]) -> Iterator[None]:
+        """Around reading alone, so that what a disk says is told of the file that it is about."""
+        try:
+            yield
+        except OSError as error:
+            raise FileError(f"{file.name}, element {self.element.name}", f"cannot read: {error.strerror or error}") from error
 
     def take(self, file: IO[bytes], numbers: Array) -> Any:
         """The rows `numbers` (k,), which had better ascend; their pages do not stay in memory."""
         out = np.empty(len(numbers), self.dtype)
         if not len(numbers):
             return out
-        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as pages:
+        with self._reading(file), mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as pages:
             whole = np.ndarray(self.rows, self.dtype, pages, self.begin)
             if hasattr(mmap, "MADV_RANDOM"):
                 pages.madvise(mmap.MADV_RANDOM)

@@ -87,17 +87,17 @@ class Renderer:
     def _busy(self) -> Array:
         """(groups,) float64: seconds of drawing of each group that shares the screen, that of its slowest rank."""
         busy = np.array([each.get("busy", 0.0) for each in self.ranks])
-        if self.shared.team is None:
+        if self.shared.division is None:
             return busy
-        groups = self.shared.team.groups
+        groups = self.shared.division.groups
         return np.array([busy[np.arange(len(busy)) * groups // len(busy) == group].max() for group in range(groups)])
 
     def _draw(self, clocked: dict[str, float], prepared: Prepared, camera: Camera | None, size: tuple[int, int], options: Options,
               previous: Camera | None, progress: Callable[[float], None] | None) -> Picture:  # fmt: skip
         band: Callable[..., frame.Band] = partial(ScreenBand, self.comm, self.plan, clocked)
-        if self.shared.team is not None:
-            band = partial(ObjectBand, self.shared.team, self.plan, clocked)
-        if self.shared.team is not None and self.shared.stream is not None:
-            band = partial(StreamedBand, self.shared.stream, self._looks, self.shared.team, self.plan, clocked)
+        if self.shared.division is not None:
+            band = partial(ObjectBand, self.shared.division, self.plan, clocked)
+        if self.shared.division is not None and self.shared.stream is not None:
+            band = partial(StreamedBand, self.shared.stream, self._looks, self.shared.division, self.plan, clocked)
         picture = frame.draw(prepared, camera, size, options, previous, progress, band=band)
         return Picture(seconds=picture.seconds) if self.comm.rank else picture

@@ -6,6 +6,7 @@ what a rank calls triangle t is triangle t + offset of the scene.
 
 from __future__ import annotations
 
+import math
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -15,8 +16,8 @@ import numpy as np
 
 from luxel.cluster.comm import Comm
 from luxel.cluster.ply_share import Stream, load_share
-from luxel.cluster.slices import FILLS, sliced
-from luxel.cluster.sort_last import Team
+from luxel.cluster.slices import FILLS, check_count, sliced
+from luxel.cluster.sort_last import Division
 from luxel.cluster.units import folder_share, gltf_share
 from luxel.io import load
 from luxel.io.files import door, tell
@@ -29,21 +30,22 @@ class Shared(NamedTuple):
     Attributes:
         scene: This rank's triangles, with all materials, textures, lights and cameras.
         outline: All of it, as far as framing a camera asks; only rank 0 need have it.
-        team: Who shares what; None where every rank has everything.
+        division: Who shares what; None where every rank has everything.
         triangles: Of the whole scene.
         stream: Where this rank's triangles are, if they are left in the file; `scene` then has one of them, for what they are made of.
     """
 
     scene: Scene
     outline: Scene
-    team: Team | None
+    division: Division | None
     triangles: int
     stream: Stream | None = None
 
 
 def group_count(size: int) -> int:
-    """How many groups share the screen when both are shared: about the root of the number of ranks."""
-    return max(1, round(size**0.5))
+    """How many groups share the screen when both are shared: the root of the number of ranks, down to a whole number. So no group has fewer ranks
+    than there are groups, memory goes before speed, and 2 and 3 ranks are one group, which shares the triangles."""
+    return math.isqrt(size)
 
 
 def share_scene(source: Any, comm: Comm, divide: str = "screen", composition: str = "swap", crease_angle: float | None = None) -> Shared:
@@ -55,8 +57,8 @@ def share_scene(source: Any, comm: Comm, divide: str = "screen", composition: st
     Args:
         source: As of `luxel.load`.
         comm: All ranks.
-        divide: "screen": every rank has everything; "objects": each has a share; "both": each has a share of its group's.
-        composition: For the `Team`.
+        divide: "screen": every rank has everything; "objects": each has a share; "both": each has a share of its group's (see `group_count`).
+        composition: For the `Division`.
         crease_angle: As of `luxel.load`.
 
     Raises:
@@ -66,7 +68,8 @@ def share_scene(source: Any, comm: Comm, divide: str = "screen", composition: st
         scene = load(source, crease_angle=crease_angle)
         return Shared(scene, scene, None, scene.triangle_count)
     groups = 1 if divide == "objects" else group_count(comm.size)
-    number = comm.rank * groups // comm.size
+    number_of = np.arange(comm.size) * groups // comm.size
+    number = int(number_of[comm.rank])
     group = comm.part(number)
     path = Path(source) if isinstance(source, (str, os.PathLike)) else None
     found = None
@@ -86,7 +89,8 @@ def share_scene(source: Any, comm: Comm, divide: str = "screen", composition: st
         count = share.triangle_count
         with_all_attributes(share, comm)
     at = np.cumsum([0, *group.gather(count)]).astype(np.int64)
-    return Shared(share, outline, Team(comm, group, number, groups, at, composition), int(at[-1]), stream)
+    check_count(source if path is not None else "scene", int(at[-1]))
+    return Shared(share, outline, Division(comm, group, number, np.bincount(number_of), at, composition), int(at[-1]), stream)
 
 
 def _in_parts(path: Path, group: Comm, crease_angle: float | None) -> tuple[Scene | Stream, Scene] | None:

@@ -7,12 +7,26 @@ from typing import Any
 
 import numpy as np
 
+from luxel.errors import InputError
 from luxel.raster.geometry import made_normals
 from luxel.scene.mesh import Mesh
 from luxel.scene.scene import Scene
 
+MOST = 1 << 31
+"""Triangles, from which on int32 cannot number them."""
+
 FILLS = {"texcoords": (2, 0.0), "texcoords1": (2, 0.0), "colors": (4, 1.0), "tangents": (4, 0.0)}
 """Attributes that meshes may lack: their width, and the value that stands for none."""
+
+
+def check_count(where: object, triangles: int) -> None:
+    """See that all triangles of a scene have numbers of their own.
+
+    Raises:
+        InputError: There are too many for int32, which all ids are.
+    """
+    if triangles >= MOST:
+        raise InputError(f"{where}: {triangles:,} triangles; expected fewer than 2^31 in one scene: cut it up, and draw the parts")
 
 
 def sliced(scene: Scene, first: int, last: int) -> Scene:

@@ -75,7 +75,7 @@ class ScreenBand(Band):
         o, tiles = self.options, self.across * self.down
         self.cuts = self.plan.cuts(
             lambda: tile_costs(self.seen.geometry, self.seen.view, self.window, o.tile, len(o.positions), self.comm, False),
-            self.window, tiles, self.comm.size, self.seen.view.clip_from_world,
+            self.window, tiles, np.ones(self.comm.size, np.int64), self.seen.view.clip_from_world,
         )  # fmt: skip
         self.began = time.perf_counter()
         return int(self.cuts[self.comm.rank]), int(self.cuts[self.comm.rank + 1])

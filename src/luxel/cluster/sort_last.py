@@ -29,13 +29,14 @@ from luxel.raster.runs import Samples
 from luxel.raster.shade import Target, Tiles, shade
 
 
-class Team(NamedTuple):
+class Division(NamedTuple):
     """Who shares what.
 
     Attributes:
         world: All ranks; rank 0 gets the picture.
         group: Those that share this rank's part of the screen; each has other triangles.
-        number, groups: Of the group, and how many there are.
+        number: Of the group.
+        hands: (groups,) int64: how many ranks each group has.
         offsets: (ranks of the group + 1,) int64: rank r has the triangles offsets[r] .. offsets[r + 1] - 1 of the scene.
         composition: One of `composite.COMPOSITIONS`.
     """
@@ -43,46 +44,51 @@ class Team(NamedTuple):
     world: Comm
     group: Comm
     number: int
-    groups: int
+    hands: Array
     offsets: Array
     composition: str
+
+    @property
+    def groups(self) -> int:
+        """How many there are."""
+        return len(self.hands)
 
 
 class ObjectBand(Band):
     """A window of which each group of ranks draws a run of tiles, each rank with its own triangles."""
 
-    def __init__(self, team: Team, plan: Plan, clocked: dict[str, float], *rest: Any) -> None:
-        self.team, self.plan, self.clocked = team, plan, clocked
+    def __init__(self, division: Division, plan: Plan, clocked: dict[str, float], *rest: Any) -> None:
+        self.division, self.plan, self.clocked = division, plan, clocked
         self.mine, self.whole = list[Box](), list[Box]()  # rectangles that this rank has: of outputs and, unless a filter reaches farther, colours
         self.numbers = np.empty(0, np.int32)  # what the scene's share calls the triangles that are drawn; none: as they are
         super().__init__(*rest)
-        modes = set().union(*team.world.gather(set(self.bins)))
+        modes = set().union(*division.world.gather(set(self.bins)))
         self.blended, self.keep_depth = BLEND in modes, True
         self.per_sample = self.colored and (self.apron > 0 or self.blended or self.hardware is not None)
-        self.offset = int(team.offsets[team.group.rank])
+        self.offset = int(division.offsets[division.group.rank])
         self.every = self.options.ssaa > 1 or self.hardware is not None  # each sample has a colour of its own
 
     def _choose(self) -> tuple[int, int]:
-        o, team = self.options, self.team
+        o, division = self.options, self.division
         cuts = self.plan.cuts(
-            lambda: tile_costs(self.seen.geometry, self.seen.view, self.window, o.tile, len(o.positions), team.world, True),
-            self.window, self.across * self.down, team.groups, self.seen.view.clip_from_world,
+            lambda: tile_costs(self.seen.geometry, self.seen.view, self.window, o.tile, len(o.positions), division.world, True),
+            self.window, self.across * self.down, division.hands, self.seen.view.clip_from_world,
         )  # fmt: skip
         self.began = time.perf_counter()
-        return int(cuts[team.number]), int(cuts[team.number + 1])
+        return int(cuts[division.number]), int(cuts[division.number + 1])
 
     def _reach(self, bounds: Box) -> Reach:
-        return self.plan.reach(self.seen.geometry, self.seen.view, self.window, bounds) if self.team.groups > 1 else EVERYWHERE
+        return self.plan.reach(self.seen.geometry, self.seen.view, self.window, bounds) if self.division.groups > 1 else EVERYWHERE
 
     def _tile_bytes(self) -> int:  # the same on all ranks, whatever materials they have
         return 4 * self.pixels * (4 + 8 * self.colored)
 
     def run(self, progress: Any = None) -> None:
         """Draw this group's tiles, and bring them together."""
-        if self.team.world.rank == 0 and self.colored and not self.apron:  # else `_finish` writes every pixel
+        if self.division.world.rank == 0 and self.colored and not self.apron:  # else `_finish` writes every pixel
             self._background()
         super().run(progress)
-        drawn, world = time.perf_counter(), self.team.world
+        drawn, world = time.perf_counter(), self.division.world
         given = world.gather((self.whole if self.apron else self.mine, self.mine))
         for arrays, boxes_of in ((self.target[:2], [both[0] for both in given]), (self.outputs, [both[1] for both in given])):
             glue((array for array in arrays if array.size), boxes_of, world)
@@ -99,7 +105,7 @@ class ObjectBand(Band):
 
     def draw(self, first_row: int, last_row: int) -> None:
         """Draw what is chosen of the tile rows first_row .. last_row - 1."""
-        across, o, w, group = self.across, self.options, self.window, self.team.group
+        across, o, w, group = self.across, self.options, self.window, self.division.group
         top, bottom = max(0, first_row - self.apron), min(self.down, last_row + self.apron)
         reach = self.apron * (across + 1)
         first, last = max(top * across, self.chosen[0] - reach), min(bottom * across, self.chosen[1] + reach)
@@ -113,16 +119,16 @@ class ObjectBand(Band):
         claims.to_global(slots, grid, own, drawn_ids, self.clipped.source, self._count(), self.numbers, self.offset, ids)
         clear(slots[own[slots] == 0], ids, depths)
         sent, start = group.sent, time.perf_counter()
-        self._add("merged", composite(slots, self.pixels, ids, depths, group, self.team.composition))
+        self._add("merged", composite(slots, self.pixels, ids, depths, group, self.division.composition))
         self._add("composed", group.sent - sent)
         self._add("composing", time.perf_counter() - start)
-        tiles = regions(slots, group.size, self.team.composition)
+        tiles = regions(slots, group.size, self.division.composition)
         mine = tiles[group.rank]
         self.clock.lap("composite")
 
         kept = reusable(drawn_ids.shape, np.int32)
         kept[own > 0] = NOTHING
-        asked = claims.claims(mine, self.pixels, ids, self.team.offsets)
+        asked = claims.claims(mine, self.pixels, ids, self.division.offsets)
         claimed = group.exchange(asked)
         claims.keep(claimed, drawn_ids, kept)
         self.clock.lap("claim")
@@ -168,7 +174,7 @@ class ObjectBand(Band):
                 values = [array[at] for at in sources]
                 if name == "triangle":
                     values = [(self.numbers[part] if len(self.numbers) else part) + np.int32(self.offset) for part in values]
-                got = self.team.group.exchange(values)
+                got = self.division.group.exchange(values)
                 for at, part in zip(places, got, strict=True):
                     array[at] = part
 
@@ -181,10 +187,10 @@ class ObjectBand(Band):
         shaded[occupied[first:last] > 0] = 0.0
         self._shade(first, last, kept, Target(NO_COLOR, NO_LINEAR, shaded), occupied)
         self.clock.lap("shade")
-        masks, found = claims.returned(claimed, grid, self.every, kept, shaded, self.team.group)
+        masks, found = claims.returned(claimed, grid, self.every, kept, shaded, self.division.group)
         if len(colors):
             colors[mine] = 0.0
-        claims.place(mine, grid, ids, self.team.offsets, masks, found, float(self.look.exposure), self.options.fill, self.target.color,
+        claims.place(mine, grid, ids, self.division.offsets, masks, found, float(self.look.exposure), self.options.fill, self.target.color,
                      self.target.linear, colors)  # fmt: skip
         self.clock.lap("place")
 
@@ -198,7 +204,7 @@ class ObjectBand(Band):
 
     def _share_layers(self, first: int, last: int, tiles: list[Array], blended: Array, ids: Array, depths: Array, colors: Array) -> None:
         """Peel and shade the own blended triangles, and composite what all ranks have of them over this rank's tiles."""
-        group, slots = self.team.group, np.flatnonzero(blended)
+        group, slots = self.division.group, np.flatnonzero(blended)
         wanted, mine = group.gather(slots), tiles[group.rank]
         under = group.exchange([pack(np.intersect1d(mine, each), self.pixels, ids, depths) for each in wanted])
         found, drawn_ids = self._peel(first, last, slots, under)
@@ -252,7 +258,7 @@ class ObjectBand(Band):
 
     def _finish(self, first: int, first_row: int, last_row: int, top: int, bottom: int, tiles: list[Array], rows: Array) -> None:
         """From samples to pixels: of the own tiles; or all on the group's first rank, where a filter reaches beyond tiles."""
-        group, across, shift = self.team.group, self.across, first - top * self.across
+        group, across, shift = self.division.group, self.across, first - top * self.across
         if not self.apron:
             for x0, y0, x1, y1 in self._boxes(first, tiles[group.rank]):
                 x, y = self.place

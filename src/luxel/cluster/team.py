@@ -25,7 +25,7 @@ class Ranks(Team):
     """All ranks of `comm`, with so many threads each; they call the same methods in the same order."""
 
     def __init__(self, comm: Comm, threads: int) -> None:
-        self.comm, self.threads, self.leads, self.size = comm, threads, comm.rank == 0, comm.size
+        self.comm, self.threads, self.leads, self.size, self.here = comm, threads, comm.rank == 0, comm.size, comm.here
 
     def mine(self, n: int, grain: int = BLOCK) -> Array:
         """One block of `grain` in so many."""

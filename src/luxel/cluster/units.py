@@ -16,7 +16,7 @@ import numpy as np
 
 from luxel.arrays import Array
 from luxel.cluster.comm import Comm
-from luxel.cluster.slices import part_of, sliced
+from luxel.cluster.slices import check_count, part_of, sliced
 from luxel.io import READERS, load
 from luxel.io.files import tell
 from luxel.io.folder import joined, model_files, object_count
@@ -89,6 +89,7 @@ def gltf_share(path: Path, comm: Comm, crease_angle: float | None) -> tuple[Scen
         return None
     later: Any = whole.meshes
     sizes = [later[instance.mesh].count for instance in whole.instances]
+    check_count(path.name, sum(sizes))
     _tell_large(path, sizes, "primitive", comm)
     made: dict[int, Mesh] = {}
     share = replace(whole, meshes=[], instances=[])

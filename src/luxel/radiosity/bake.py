@@ -348,7 +348,7 @@ def _laid_out(scene: Any, sky: Any, settings: Quality, density: float | None, pa
     clock.lap("load")
     lamps = lamps_of(scene, sky)
     if density is not None:
-        check_memory(expected_luxels(scene, density), 0, rays_of(settings, lamps.sky is not None) // labour.team.size, density)
+        check_memory(expected_luxels(scene, density), 0, rays_of(settings, lamps.sky is not None) // labour.team.size, density, labour.team.here)
     atlas = unwrap(scene, density, page)
     clock.lap("unwrap")
     return lamps, atlas
@@ -358,7 +358,7 @@ def _prepare(atlas: Atlas, settings: Quality, rays_each: int, density: float | N
     luxels = find_luxels(atlas, labour.threads)
     if not len(luxels.area):
         raise InputError("bake: the scene has no surface")
-    check_memory(len(luxels.area) + int(luxels.two_sided.sum()), len(atlas.chart), rays_each // labour.team.size, density)
+    check_memory(len(luxels.area) + int(luxels.two_sided.sum()), len(atlas.chart), rays_each // labour.team.size, density, labour.team.here)
     clock.lap("luxels")
     geometry = flatten(atlas.scene, "none")
     two_sided = _two_sided(atlas.scene, geometry)

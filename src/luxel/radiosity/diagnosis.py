@@ -150,21 +150,24 @@ def estimate(luxels: int, triangles: int, rays: int = _RAYS) -> tuple[int, float
     return int(memory), _SECONDS_AT_LEAST + luxels * _SECONDS_A_LUXEL + triangles * _SECONDS_A_TRIANGLE
 
 
-def check_memory(luxels: float, triangles: int, rays: int, density: float | None = None) -> None:
+def check_memory(luxels: float, triangles: int, rays: int, density: float | None = None, here: int = 1) -> None:
     """Refuse a bake of so many luxels that is not going to fit, before time is spent on it.
 
     Args:
         density: Texels per metre that give so many luxels, if known: then the message names one that fits.
+        here: Processes on this machine that all take as much.
 
     Raises:
         InputError: The machine has less memory left than `estimate` says.
     """
     free, wanted = free_bytes(), estimate(int(luxels), triangles, rays)[0]
-    if free is None or wanted <= free:
+    if free is None or wanted <= free // here:
         return
+    free //= here
     room = free - estimate(0, triangles, rays)[0]
     fits = f"a density of {np.floor(100 * density * np.sqrt(room / (wanted - free + room))) / 100:g}" if density and room > 0 else "a lower density"
-    raise InputError(f"bake: {luxels:,.0f} luxels would take about {wanted / 1e9:.1f} GB, and {free / 1e9:.1f} GB are free: {fits} would do")
+    each = f" for each of {here} ranks" if here > 1 else ""
+    raise InputError(f"bake: {luxels:,.0f} luxels would take about {wanted / 1e9:.1f} GB, and {free / 1e9:.1f} GB are free{each}: {fits} would do")
 
 
 def density_of(atlas: Atlas, geometry: Geometry, surface: Array) -> Density:

@@ -47,9 +47,10 @@ class Team:
     Attributes:
         leads: This process speaks and writes.
         size: Number of processes.
+        here: How many of them share this machine's memory.
     """
 
-    leads, size = True, 1
+    leads, size, here = True, 1, 1
 
     def mine(self, n: int, grain: int = BLOCK) -> Any:
         """Which of n items are this process's, in order, as an index: groups of `grain` that follow each other stay together."""

@@ -129,7 +129,7 @@ def frame(facts: Facts, division: str, ranks: int, costs: Costs, memory: Memory,
     groups = {"objects": 1, "both": group_count(ranks)}.get(division, ranks)
     per_group = max(1, ranks // groups)
     work = _tile_costs(facts, costs)
-    cuts = cut(np.ones(facts.tiles) if division.endswith("static") else work, groups)
+    cuts = cut(np.ones(facts.tiles) if division.endswith("static") else work, np.ones(groups))
     inside = np.add.reduceat(np.append(work, 0.0), cuts[:-1]) * (np.diff(cuts) > 0)
     skipped = facts.all_triangles * costs.skipped if groups > 1 else 0.0
     if per_group == 1 and division not in ("objects", "both"):

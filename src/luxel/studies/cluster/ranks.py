@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from luxel.cluster.comm import Comm, world
+from luxel.memory import peak_bytes
 
 _PINGS = 200
 
@@ -53,7 +54,6 @@ def step_of(comm: Comm) -> float:
 
 def measured(comm: Comm, case: dict[str, Any]) -> list[dict[str, Any]]:
     """A row for each division and composition: medians of the frames. Memory is the most so far, so what needs least should come first."""
-    from luxel.cli.ranks import peak_bytes
     from luxel.cluster.render import Renderer
 
     size, rows = tuple(case["size"]), []
