@@ -17,7 +17,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 _AGAIN = ("luxel.raster.", "luxel.radiosity.", "luxel.cuda.threads")
-_PLAIN = ("luxel.raster.lanes", "luxel.raster.rows")  # in vector instructions, and undecorated for a Numba that is switched off
+_PLAIN = ("luxel.raster.lanes", "luxel.raster.joint", "luxel.raster.rows")  # in vector instructions, and undecorated for a Numba that is switched off
 _SINGLE = {
     "luxel.raster.batch": types.SimpleNamespace(FRAGMENTS=1, PITCH=1),
     "luxel.radiosity.batch": types.SimpleNamespace(RAYS=1, ELEMENTS=1),

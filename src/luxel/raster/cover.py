@@ -21,6 +21,7 @@ from luxel.arrays import Array
 from luxel.jit import bits_float
 from luxel.raster.bin import Bins, Clipped
 from luxel.raster.constants import NOTHING
+from luxel.raster.joint import TOGETHER, WIDEST, draw_four
 from luxel.raster.lanes import LANES, draw_inside, draw_span
 from luxel.raster.setup import (
     A0,
@@ -44,9 +45,11 @@ from luxel.raster.setup import (
     KIND,
     LOW,
     MANY,
+    NONE,
     POINT,
     POINT_DEPTH,
     SIZE,
+    SMALL,
     SPAN_LEFT,
     SPAN_RIGHT,
     STEP_X,
@@ -54,7 +57,9 @@ from luxel.raster.setup import (
     T,
     find_spans,
     load_batch,
+    place,
     place_batch,
+    place_four,
     set_up_batch,
 )  # fmt: skip
 
@@ -113,6 +118,21 @@ def draw_batch(n, c, sx, sy, first, tile, depth, ids, counting):
             draw_many(i, c, sx, sy, first, tile, depth, ids, counting)
 
 
+@jit.part
+def draw_jointly(n, c, pattern, s, first, pixels, tile, wide, high, depth, ids):
+    """Draw the `n` triangles that are placed for samples `s` .. `s` + 3, the first of which begin at element `first`."""
+    for i in range(np.uint64(0), np.uint64(n)):
+        kind = c[KIND + i]
+        if kind == FEW_PIXELS:
+            draw_four(depth, ids, c, np.int64(i), first, pixels, tile)
+        elif kind == MANY:
+            for k in range(TOGETHER):
+                sx, sy = pattern[s + k, 0], pattern[s + k, 1]
+                place(i, sx, sy, _I(tile), _I(wide - 1), _I(high - 1), c)
+                if c[KIND + i] != NONE:
+                    draw_many(i, c, np.int64(sx), np.int64(sy), first + k * pixels, tile, depth, ids, None)
+
+
 @jit.device
 def cover_tile(number, start, bin_ids, across, tile, width, height, triangles, screen, clipped_screen, pattern, depth, ids, c, counting):
     """Find what is nearest at each sample of tile `number` of a window, into `depth` and `ids`; `c` (SIZE,) int32 is scratch."""
@@ -124,8 +144,12 @@ def cover_tile(number, start, bin_ids, across, tile, width, height, triangles, s
     while begin < end:
         n = min(BATCH, end - begin)
         load_batch(begin, begin + n, px, py, bin_ids, triangles, screen, clipped_screen, c)
-        set_up_batch(n, c)
-        for s in range(samples):
+        joint = samples - samples % TOGETHER if counting is None else 0
+        set_up_batch(n, c, _I(WIDEST << 8) if joint > 0 else _I(SMALL << 8))
+        for s in range(0, joint, TOGETHER):
+            place_four(n, pattern, s, tile, wide, high, c)
+            draw_jointly(n, c, pattern, s, s * pixels, pixels, tile, wide, high, depth, ids)
+        for s in range(joint, samples):
             sx, sy = np.int64(pattern[s, 0]), np.int64(pattern[s, 1])
             place_batch(n, sx, sy, tile, wide, high, c)
             draw_batch(n, c, sx, sy, s * pixels, tile, depth, ids, counting)

@@ -34,7 +34,13 @@ KIND, AT, ACROSS, DOWN, E0, E1, E2 = (np.uint64(BATCH * row) for row in range(31
 AT_X, AT_Y, POINT_DEPTH = (np.uint64(BATCH * row) for row in range(38, 41))
 # Of one triangle, for each row: first and last pixel from the tile's edge.
 SPAN_LEFT, SPAN_RIGHT = (np.uint64(BATCH * row) for row in range(41, 43))
-SIZE = 43 * BATCH
+# Out of `place_four`: edge functions where the triangle is placed, of each of four samples; and the samples' places in the pixel, float32, x of
+# each and then y of each.
+EDGES = np.uint64(BATCH * 43)
+OFFSETS = np.uint64(BATCH * 55)
+# The greatest of the edge functions of the four samples at eight pixels from there on; and -1 / B, float32, 0 if B is.
+MOST0, MOST1, MOST2, ROW0, ROW1, ROW2 = (np.uint64(BATCH * row) for row in range(56, 62))
+SIZE = 62 * BATCH
 
 NONE, POINT, FEW_PIXELS, MANY = range(4)
 """Kinds: not at any of these samples; at one only; small; large."""
@@ -42,7 +48,8 @@ NONE, POINT, FEW_PIXELS, MANY = range(4)
 _F, _I = np.float32, np.int32
 _BEYOND = 1e6  # pixels; right of every tile
 _SMALL = np.int32(SMALL << 8)
-_ZERO, _EIGHT, _ROUND, _GROUP, _NONE, _POINT, _FEW, _MANY = (np.int32(number) for number in (0, 8, 255, -LANES, NONE, POINT, FEW_PIXELS, MANY))
+_ZERO, _SEVEN, _EIGHT, _ROUND, _GROUP = (np.int32(number) for number in (0, 7, 8, 255, -LANES))
+_NONE, _POINT, _FEW, _MANY = (np.int32(number) for number in (NONE, POINT, FEW_PIXELS, MANY))
 
 
 @jit.inlined
@@ -102,8 +109,8 @@ def small_edge(x0, y0, x1, y1):
 
 
 @jit.part
-def set_up_batch(n, c):
-    """Set up the `n` triangles that are loaded."""
+def set_up_batch(n, c, small=_SMALL):
+    """Set up the `n` triangles that are loaded; those up to `small` (fixed point) wide and high are small."""
     for i in range(np.uint64(0), np.uint64(n)):
         x0, y0, z0, z1, z2 = c[X0 + i], c[Y0 + i], bits_float(c[Z0 + i]), bits_float(c[Z1 + i]), bits_float(c[Z2 + i])
         z, zx, zy = depth_plane(x0, y0, z0, c[X1 + i], c[Y1 + i], z1, c[X2 + i], c[Y2 + i], z2)
@@ -114,7 +121,7 @@ def set_up_batch(n, c):
         x0, y0, x1, y1, x2, y2 = c[X0 + i], c[Y0 + i], c[X1 + i], c[Y1 + i], c[X2 + i], c[Y2 + i]
         left, right, top, bottom = min(x0, min(x1, x2)), max(x0, max(x1, x2)), min(y0, min(y1, y2)), max(y0, max(y1, y2))
         c[LEFT + i], c[RIGHT + i], c[TOP + i], c[BOTTOM + i] = left, right, top, bottom
-        few = (_I(right - left) <= _SMALL) & (_I(bottom - top) <= _SMALL)
+        few = (_I(right - left) <= small) & (_I(bottom - top) <= small)
         c[FEW + i] = _I(few)
         x0, y0, x1, y1, x2, y2 = (  # nothing overflows
             x0 if few else _ZERO, y0 if few else _ZERO, x1 if few else _ZERO, y1 if few else _ZERO, x2 if few else _ZERO, y2 if few else _ZERO,
@@ -127,31 +134,83 @@ def set_up_batch(n, c):
         c[A2 + i], c[B2 + i], c[C2 + i] = small_edge(x0, y0, bx, by)
 
 
+@jit.inlined
+def place(i, sx, sy, pitch, last_x, last_y, c):
+    """Place triangle `i` for the samples at (sx, sy) of the tile's pixels; see `place_batch`."""
+    lx, hx = max(_I(_I(c[LEFT + i] - sx + _ROUND) >> _EIGHT), _ZERO), min(_I(_I(c[RIGHT + i] - sx) >> _EIGHT), last_x)
+    ly, hy = max(_I(_I(c[TOP + i] - sy + _ROUND) >> _EIGHT), _ZERO), min(_I(_I(c[BOTTOM + i] - sy) >> _EIGHT), last_y)
+    # The samples of one kind lie 256 units apart: the low 8 bits never change, so they may go.
+    e0 = _I(_I(_I(c[C0 + i] + _I(c[A0 + i] * sx) + _I(c[B0 + i] * sy)) >> _EIGHT) + _I(c[A0 + i] * lx) + _I(c[B0 + i] * ly))
+    e1 = _I(_I(_I(c[C1 + i] + _I(c[A1 + i] * sx) + _I(c[B1 + i] * sy)) >> _EIGHT) + _I(c[A1 + i] * lx) + _I(c[B1 + i] * ly))
+    e2 = _I(_I(_I(c[C2 + i] + _I(c[A2 + i] * sx) + _I(c[B2 + i] * sy)) >> _EIGHT) + _I(c[A2 + i] * lx) + _I(c[B2 + i] * ly))
+    few, one, empty = c[FEW + i] != 0, (lx == hx) & (ly == hy), (lx > hx) | (ly > hy)
+    at_x, at_y = bits_float(c[FROM_X + i]) + _F(sx) * _F(1 / 256) + _F(lx), bits_float(c[FROM_Y + i]) + _F(sy) * _F(1 / 256) + _F(ly)
+    z, zx, zy = bits_float(c[DEPTH + i]), bits_float(c[STEP_X + i]), bits_float(c[STEP_Y + i])
+    c[POINT_DEPTH + i] = float_bits(depth_from(z, zx, zy, bits_float(c[LOW + i]), bits_float(c[HIGH + i]), at_x, at_y))
+    point = few & one
+    missed = empty | (point & (_I(_I(e0 | e1) | e2) < 0))
+    kind = _POINT if point else (_FEW if few else _MANY)
+    c[KIND + i] = _NONE if missed else kind
+    group = _ZERO if point else _I(lx - _I(lx & _GROUP))
+    c[AT + i], c[ACROSS + i], c[DOWN + i] = _I(_I(ly * pitch) + _I(lx - group)), _I(_I(hx - lx) + group), _I(hy - ly)
+    c[AT_X + i], c[AT_Y + i] = float_bits(at_x - _F(group)), float_bits(at_y)
+    c[E0 + i], c[E1 + i], c[E2 + i] = _I(e0 - _I(c[A0 + i] * group)), _I(e1 - _I(c[A1 + i] * group)), _I(e2 - _I(c[A2 + i] * group))
+
+
 @jit.part
 def place_batch(n, sx, sy, tile, wide, high, c):
     """Place the `n` triangles that are set up for the samples at (sx, sy) of the tile's pixels; of a triangle that may be at one of them only,
     find out whether it is, and its depth there."""
     sx, sy, pitch, last_x, last_y = _I(sx), _I(sy), _I(tile), _I(wide - 1), _I(high - 1)
-    fx, fy = _F(sx) * _F(1 / 256), _F(sy) * _F(1 / 256)
     for i in range(np.uint64(0), np.uint64(n)):
-        lx, hx = max(_I(_I(c[LEFT + i] - sx + _ROUND) >> _EIGHT), _ZERO), min(_I(_I(c[RIGHT + i] - sx) >> _EIGHT), last_x)
-        ly, hy = max(_I(_I(c[TOP + i] - sy + _ROUND) >> _EIGHT), _ZERO), min(_I(_I(c[BOTTOM + i] - sy) >> _EIGHT), last_y)
-        # The samples of one kind lie 256 units apart: the low 8 bits never change, so they may go.
-        e0 = _I(_I(_I(c[C0 + i] + _I(c[A0 + i] * sx) + _I(c[B0 + i] * sy)) >> _EIGHT) + _I(c[A0 + i] * lx) + _I(c[B0 + i] * ly))
-        e1 = _I(_I(_I(c[C1 + i] + _I(c[A1 + i] * sx) + _I(c[B1 + i] * sy)) >> _EIGHT) + _I(c[A1 + i] * lx) + _I(c[B1 + i] * ly))
-        e2 = _I(_I(_I(c[C2 + i] + _I(c[A2 + i] * sx) + _I(c[B2 + i] * sy)) >> _EIGHT) + _I(c[A2 + i] * lx) + _I(c[B2 + i] * ly))
-        few, one, empty = c[FEW + i] != 0, (lx == hx) & (ly == hy), (lx > hx) | (ly > hy)
-        at_x, at_y = bits_float(c[FROM_X + i]) + fx + _F(lx), bits_float(c[FROM_Y + i]) + fy + _F(ly)
-        z, zx, zy = bits_float(c[DEPTH + i]), bits_float(c[STEP_X + i]), bits_float(c[STEP_Y + i])
-        c[POINT_DEPTH + i] = float_bits(depth_from(z, zx, zy, bits_float(c[LOW + i]), bits_float(c[HIGH + i]), at_x, at_y))
-        point = few & one
-        missed = empty | (point & (_I(_I(e0 | e1) | e2) < 0))
-        kind = _POINT if point else (_FEW if few else _MANY)
-        c[KIND + i] = _NONE if missed else kind
-        group = _ZERO if point else _I(lx - _I(lx & _GROUP))
-        c[AT + i], c[ACROSS + i], c[DOWN + i] = _I(_I(ly * pitch) + _I(lx - group)), _I(_I(hx - lx) + group), _I(hy - ly)
-        c[AT_X + i], c[AT_Y + i] = float_bits(at_x - _F(group)), float_bits(at_y)
-        c[E0 + i], c[E1 + i], c[E2 + i] = _I(e0 - _I(c[A0 + i] * group)), _I(e1 - _I(c[A1 + i] * group)), _I(e2 - _I(c[A2 + i] * group))
+        place(i, sx, sy, pitch, last_x, last_y, c)
+
+
+@jit.inlined
+def most(c, at, a):
+    """The greatest that an edge function of four samples, from `at` on, has at eight pixels."""
+    pitch = np.uint64(3 * BATCH)
+    first, last = max(c[at], c[at + pitch]), max(c[at + pitch + pitch], c[at + pitch + pitch + pitch])
+    return _I(max(first, last) + max(_I(_SEVEN * a), _ZERO))
+
+
+@jit.inlined
+def rows_by(b):
+    """Rows by which an edge function that changes by `b` a row comes to 0, for each unit of its value."""
+    return _F(-1.0) / _F(b) if b != 0 else _F(0.0)
+
+
+@jit.part
+def place_four(n, pattern, s, tile, wide, high, c):
+    """Place the `n` triangles that are set up for samples `s` .. `s` + 3 of the tile's pixels: where the first of the samples' boxes
+    begins and the last ends, and for each sample the edge functions there."""
+    pitch, last_x, last_y = _I(tile), _I(wide - 1), _I(high - 1)
+    least_x, most_x, least_y, most_y = pattern[s, 0], pattern[s, 0], pattern[s, 1], pattern[s, 1]
+    for k in range(np.uint64(4)):
+        x, y = pattern[np.uint64(s) + k, 0], pattern[np.uint64(s) + k, 1]
+        least_x, most_x, least_y, most_y = min(least_x, x), max(most_x, x), min(least_y, y), max(most_y, y)
+        c[OFFSETS + k], c[OFFSETS + np.uint64(4) + k] = float_bits(_F(x) * _F(1 / 256)), float_bits(_F(y) * _F(1 / 256))
+    for i in range(np.uint64(0), np.uint64(n)):
+        lx, hx = max(_I(_I(c[LEFT + i] - most_x + _ROUND) >> _EIGHT), _ZERO), min(_I(_I(c[RIGHT + i] - least_x) >> _EIGHT), last_x)
+        ly, hy = max(_I(_I(c[TOP + i] - most_y + _ROUND) >> _EIGHT), _ZERO), min(_I(_I(c[BOTTOM + i] - least_y) >> _EIGHT), last_y)
+        begin = _I(lx & _GROUP)
+        kind = _FEW if c[FEW + i] != 0 else _MANY
+        c[KIND + i] = _NONE if (lx > hx) | (ly > hy) else kind
+        c[AT + i], c[ACROSS + i], c[DOWN + i] = _I(_I(ly * pitch) + begin), _I(hx - begin), _I(hy - ly)
+        c[AT_X + i], c[AT_Y + i] = float_bits(bits_float(c[FROM_X + i]) + _F(begin)), float_bits(bits_float(c[FROM_Y + i]) + _F(ly))
+        c[E0 + i] = _I(_I(c[A0 + i] * begin) + _I(c[B0 + i] * ly))
+        c[E1 + i] = _I(_I(c[A1 + i] * begin) + _I(c[B1 + i] * ly))
+        c[E2 + i] = _I(_I(c[A2 + i] * begin) + _I(c[B2 + i] * ly))
+    for k in range(np.uint64(4)):
+        x, y, row = pattern[np.uint64(s) + k, 0], pattern[np.uint64(s) + k, 1], EDGES + np.uint64(3 * BATCH) * k
+        for i in range(np.uint64(0), np.uint64(n)):
+            c[row + i] = _I(_I(_I(c[C0 + i] + _I(c[A0 + i] * x) + _I(c[B0 + i] * y)) >> _EIGHT) + c[E0 + i])
+            c[row + np.uint64(BATCH) + i] = _I(_I(_I(c[C1 + i] + _I(c[A1 + i] * x) + _I(c[B1 + i] * y)) >> _EIGHT) + c[E1 + i])
+            c[row + np.uint64(2 * BATCH) + i] = _I(_I(_I(c[C2 + i] + _I(c[A2 + i] * x) + _I(c[B2 + i] * y)) >> _EIGHT) + c[E2 + i])
+    for i in range(np.uint64(0), np.uint64(n)):
+        c[MOST0 + i], c[ROW0 + i] = most(c, EDGES + i, c[A0 + i]), float_bits(rows_by(c[B0 + i]))
+        c[MOST1 + i], c[ROW1 + i] = most(c, EDGES + np.uint64(BATCH) + i, c[A1 + i]), float_bits(rows_by(c[B1 + i]))
+        c[MOST2 + i], c[ROW2 + i] = most(c, EDGES + np.uint64(2 * BATCH) + i, c[A2 + i]), float_bits(rows_by(c[B2 + i]))
 
 
 @jit.part

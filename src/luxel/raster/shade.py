@@ -23,6 +23,7 @@ from luxel.raster.geometry import Geometry
 from luxel.raster.lanes import LANES, prefetch_to_write
 from luxel.raster.lighting import LightTable, light
 from luxel.raster.materials import MaterialTable
+from luxel.raster.plain import is_plain, shade_plainly
 from luxel.raster.rows import WORD, copy
 from luxel.raster.runs import MOST_SAMPLES, SETUPS, Cursor, Runs, Samples, Setups, gather, mean_places
 from luxel.raster.setup import SIZE as COVER_SIZE
@@ -86,17 +87,23 @@ class Look(NamedTuple):
 
 
 @jit.part
-def write_opaque(g, r, runs, n, samples, tile, exposure, background, codes, color, top, left):
+def write_opaque(g, r, runs, samples, tile, exposure, background, codes, color, top, left):
     """Write opaque fragments straight to the picture, over the background where they have not all samples of their pixel; `codes`
-    (FRAGMENTS + LANES,) uint32 is scratch."""
+    (FRAGMENTS + LANES,) uint32: the fragments encoded, and then scratch."""
     log2 = lowest_bit(np.uint64(tile))
     everything = ~np.uint64(0) >> np.uint64(64 - samples)
-    encode(g, n, exposure, codes)
-    for run in range(np.uint64(0), np.uint64(runs)):
-        if r.mask[run] == everything:
-            first, pixel = np.int64(r.head[run]), np.int64(r.pixel[run])
-            row, x = color[np.uint64(top + (pixel >> log2))], left + (pixel & (tile - 1))
-            copy(row, x, codes, first, np.int64(r.head[run + np.uint64(1)]) - first)
+    run, last = np.uint64(0), np.uint64(runs)
+    while run < last:
+        if r.mask[run] != everything:
+            run += np.uint64(1)
+            continue
+        first, pixel = np.int64(r.head[run]), np.int64(r.pixel[run])
+        run += np.uint64(1)
+        following = pixel + np.int64(r.head[run]) - first
+        while run < last and np.int64(r.pixel[run]) == following and following & (tile - 1) != 0 and r.mask[run] == everything:
+            run += np.uint64(1)
+            following = pixel + np.int64(r.head[run]) - first
+        copy(color[np.uint64(top + (pixel >> log2))], left + (pixel & (tile - 1)), codes, first, following - pixel)
     if samples > 1:
         edges = sum_edges(g, r, runs, samples, everything)
         lay_over(g, edges, exposure, background, codes)
@@ -227,7 +234,7 @@ def ask_for(color, first, wide, high):
 
 
 @jit.parallel_kernel
-def _shade(queue, tiles, occupied, all_ids, bins, all_samples, mean, all_drawn, look, rich, footprint, target):
+def _shade(queue, tiles, occupied, all_ids, bins, all_samples, mean, all_drawn, look, rich, footprint, target, direct, plain):
     ids, samples_at, drawn, target = jit.borrow(all_ids), jit.borrow(all_samples), jit.borrow(all_drawn), jit.borrow(target)
     start, bin_ids = jit.borrow(bins)
     materials, lights, eye, features, exposure, background = jit.borrow(look)
@@ -253,7 +260,6 @@ def _shade(queue, tiles, occupied, all_ids, bins, all_samples, mean, all_drawn, 
     material, parts, tangents = jit.borrow(own_material), len(geometry.part_material), len(geometry.tangents) > 0
     planes = samples if every_sample else 1
     to_samples = len(target.samples) > 0
-    direct = (samples == 1 or not every_sample) and not to_samples and len(target.linear) == 0  # all is opaque: no sums are needed
     number, covered = first_tile + jit.take(queue), not cover
     while number < last_tile:
         slot = number - first_tile
@@ -275,14 +281,19 @@ def _shade(queue, tiles, occupied, all_ids, bins, all_samples, mean, all_drawn, 
                 n, runs, at = gather(r, setups, Cursor(known, at.plane, at.pixel), seen, samples_at, tile, wide, high, geometry.triangles)
                 set_up(g, known, at.setups, setups, px, py, tile, drawn, features, rich)
                 attributes(g, r, runs, n, material, setups, parts, tangents, features, footprint, eye, rich)
-                surface(g, material, n, materials, rich)
-                light(g, n, lights, rich)
-                if to_samples:
-                    lay_over_samples(g, r, runs, samples, pixels, target.samples[slot])
-                elif direct:
-                    write_opaque(g, r, runs, n, samples, tile, exposure, background, codes, target.color, top + py, left + px)
+                if plain is not None:
+                    shade_plainly(g, n, material, parts, materials, lights, exposure, codes)
+                    write_opaque(g, r, runs, samples, tile, exposure, background, codes, target.color, top + py, left + px)
                 else:
-                    add_to_pixels(g, r, runs, samples, pixels, sums)
+                    surface(g, material, n, materials, rich)
+                    light(g, n, lights, rich)
+                    if to_samples:
+                        lay_over_samples(g, r, runs, samples, pixels, target.samples[slot])
+                    elif direct:
+                        encode(g, n, exposure, codes)
+                        write_opaque(g, r, runs, samples, tile, exposure, background, codes, target.color, top + py, left + px)
+                    else:
+                        add_to_pixels(g, r, runs, samples, pixels, sums)
             if not to_samples and not direct:
                 write_tile(sums, empty, tile, left + px, top + py, wide, high, exposure, background, target.color, target.linear)
             number, covered = first_tile + jit.take(queue), not cover
@@ -313,8 +324,10 @@ def shade(tiles: Tiles, occupied: Array, ids: Array, samples: Samples, drawn: Dr
     lists = _NO_BINS if bins is None else (bins.start, bins.triangles)
     footprint = _F(1 / math.sqrt(len(samples.pattern)) if samples.every else 1)
     rich = True if look.materials.rich else None
+    direct = not ((samples.every and len(samples.pattern) > 1) or target.samples.size or target.linear.size)  # all is opaque: no sums are needed
+    plain = True if direct and is_plain(drawn.geometry, look.materials, look.lights, look.features) else None
     jit.run(_shade, min(threads, tiles.last - tiles.first), tiles, occupied, ids, lists, samples, mean_places(samples.pattern), drawn, look, rich,
-            footprint, target)  # fmt: skip
+            footprint, target, direct, plain)  # fmt: skip
 
 
 @jit.parallel_kernel
