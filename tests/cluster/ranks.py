@@ -5,6 +5,7 @@ import time
 
 import numpy as np
 
+from luxel.cluster import comm as comm_of
 from luxel.cluster import fft
 from luxel.cluster.comm import Comm, world
 from luxel.errors import InputError
@@ -35,6 +36,22 @@ def messages(comm: Comm) -> None:
         shares = comm.share_out(count)
         assert [first for first, _ in shares[1:]] == [last for _, last in shares[:-1]]
         assert (shares[0][0], shares[-1][1]) == (0, count)
+
+
+def pieces(comm: Comm) -> None:
+    """The same messages, none of which may have more than a few bytes; and parts that are asked for again."""
+    comm_of._MOST_BYTES, most = 40, comm_of._MOST_BYTES
+    messages(comm)
+    for lengths in (range(comm.size), [30] * comm.size):
+        own = np.arange(list(lengths)[comm.rank], dtype=np.float64) + 100 * comm.rank
+        for k, array in enumerate(comm.pool(own)):
+            assert np.array_equal(array, np.arange(list(lengths)[k]) + 100.0 * k)
+    comm_of._MOST_BYTES = most
+    odd = comm.part(comm.rank % 2)
+    assert (odd.rank, odd.size) == (comm.rank // 2, (comm.size + 1 - comm.rank % 2) // 2)
+    if comm.size > 1:
+        assert comm.part(comm.rank % 2) is odd
+        assert all(comm.part(comm.rank % 2 + 2 * k).size == odd.size for k in range(3))
 
 
 def transforms(comm: Comm) -> None:
@@ -121,6 +138,6 @@ if __name__ == "__main__":
     else:
         with comm.guard():
             for each in name.split(","):
-                {"messages": messages, "transforms": transforms, "filters": filters, "bands": bands, "odd": odd, "fails": fails}[each](comm)
+                globals()[each](comm)
         if comm.rank == 0:
             print(f"{name}: {comm.size} ranks agree")

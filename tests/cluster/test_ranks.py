@@ -28,7 +28,7 @@ def mpi(ranks: int, *command: object, timeout: float = 120) -> subprocess.Comple
 @needs_mpi
 @pytest.mark.parametrize("ranks", [1, 2, 3, 5])
 def test_ranks_agree_with_one(ranks):
-    what = "messages,transforms,filters,bands"
+    what = "messages,pieces,transforms,filters,bands"
     done = mpi(ranks, RANKS, what)
     assert done.returncode == 0, done.stderr
     assert done.stdout == f"{what}: {ranks} ranks agree\n"

@@ -69,6 +69,7 @@ def filter(
 
     Frequencies are in cycles per pixel; 0.5 is the highest. Under mpiexec the ranks share the work, and one file is written.
     """
+    from luxel.cli.ranks import share_work
     from luxel.cluster.comm import world
 
     comm = world()
@@ -89,6 +90,8 @@ def filter(
         }
         limit = values.whole(memory, "--memory", 1) << 20
         number = None if threads is None else values.whole(threads, "--threads", 1)
+        words = (gaussian, butterworth, order, ideal, kernel)
+        share_work(comm, file=file, output=output, spectrum=spectrum, filter=words, memory=limit, threads=number, **options)
         _filter_file(console, comm, file, output, spectrum, chosen, options, limit, number)
 
 

@@ -36,7 +36,8 @@ def draw_file(console: Console, comm: Comm, file: Path, output: Path, size: tupl
     if options.pop("device") != "cpu":
         raise InputError("--device: ranks of MPI draw on the processor; expected cpu")
     files = (file,) if lightmap is None else (file, lightmap)
-    agree(comm, files, divide=divide, composition=composition, balance=balance, size=size, options=options)
+    agree(comm, files, output=output, divide=divide, composition=composition, balance=balance, size=size, options=options,
+          camera=view, crease_angle=crease_angle)  # fmt: skip
     warn_of_crowds(comm, options["threads"])
     shared = share_scene(file, comm, divide, composition, None if crease_angle is None else radians(crease_angle))
     if not shared.triangles and comm.rank == 0:
@@ -108,7 +109,7 @@ def optimize_with_ranks(comm: Comm, console: Console, file: Path, output: Path |
 
     if comm.rank:
         console.quiet, console.as_json = True, False
-    agree(comm, (file,), options=options, output=output, measures=measures, check=check)
+    agree(comm, (file,), options=options, output=output, measures=measures, check=check, picture=picture)
     warn_of_crowds(comm, options.threads)
     with console.work("ordering") as told:
         compile_first(comm, lambda: _order_little(options))

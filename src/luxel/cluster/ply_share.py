@@ -150,8 +150,8 @@ def _check_counts(path: Path, faces: int, ranks: int) -> None:
     check_count(path.name, faces)
     enough = -(-faces // (MOST - 1))
     if ranks < enough:
-        raise InputError(f"{path.name}: {faces:,} triangles are too many for {ranks} rank{'s' * (ranks > 1)} that share them: "
-                         f"expected at least {enough}, with --divide objects")  # fmt: skip
+        few = f"{ranks} ranks" if ranks > 1 else "one rank"
+        raise InputError(f"{path.name}: {faces:,} triangles are too many for {few}: expected at least {enough} that share them (--divide objects)")
 
 
 def _whole_scene(vertex: Table) -> bool:
