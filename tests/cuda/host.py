@@ -54,6 +54,6 @@ class Host:
     def wait(self):
         pass
 
-    def launch(self, kernel, shape, *arguments):
+    def launch(self, kernel, shape, *given):
         if 0 not in shape:
-            kernel(*shape, *arguments)
+            kernel(*shape, given)

@@ -7,6 +7,7 @@ import numpy as np
 
 from luxel import jit
 from luxel.cuda.again import Again
+from luxel.cuda.grids import named
 from luxel.cuda.threads import draw as draw_source
 from luxel.cuda.threads import shade as shade_source
 from luxel.cuda.threads import views as views_source
@@ -31,94 +32,115 @@ _light_vertex, _write_outputs_of = _shade.light_vertex, _shade.write_outputs_of
 _Own, _SIZE, _STORED, _MOST = _shade.Own, _shade.SIZE, _shade.STORED, _shade.MOST
 
 
+def _line(n, _, given):
+    for i in range(n):
+        body(i, *given)  # noqa: F821 - see `luxel.cuda.grids.named`
+
+
+def _grid(n, m, given):
+    for j in range(m):
+        for i in range(n):
+            body(i, j, *given)  # noqa: F821
+
+
+def loops(module, lines, grids):
+    """As `luxel.cuda.grids.kernels`."""
+    return {name: jit.kernel(named(text, name, module, body)) for text, bodies in ((_line, lines), (_grid, grids)) for name, body in bodies.items()}
+
+
 @jit.kernel
-def project(n, count, positions, views, window, screen, screen_f):
+def project(n, count, given):
     for v in range(count):
         for i in range(n):
-            _project_vertex(i, v, positions, views, window, screen, screen_f)
+            _project_vertex(i, v, *given)
 
 
 @jit.kernel
-def count_pieces(n, _, candidates, geometry, views, guard, pieces):
+def count_pieces(n, _, given):
     p, q = np.empty((10, 7)), np.empty((18, 7))
     for i in range(n):
-        _count_pieces(i, candidates, geometry, views, guard, pieces, p, q)
+        _count_pieces(i, *given, p, q)
 
 
 @jit.kernel
-def write_pieces(n, _, candidates, geometry, views, guard, window, start, clipped, clipped_f):
+def write_pieces(n, _, given):
     p, q = np.empty((10, 7)), np.empty((18, 7))
     for i in range(n):
-        _write_pieces(i, candidates, geometry, views, guard, window, start, clipped, clipped_f, p, q)
+        _write_pieces(i, *given, p, q)
 
 
 @jit.kernel
-def draw(n, count, everything, pattern, raster, queue, keys):
+def draw(n, count, given):
     for v in range(count):
         for i in range(n):
-            _draw_triangle(i, v, everything, pattern, raster, queue, keys, None, None)
+            _draw_triangle(i, v, *given, None, None)
 
 
 @jit.kernel
-def draw_pieces(n, count, everything, pattern, raster, queue, keys):
+def draw_pieces(n, count, given):
     for v in range(count):
         for i in range(n):
-            _draw_piece(i, v, everything, pattern, raster, queue, keys, None, None)
+            _draw_piece(i, v, *given, None, None)
 
 
 @jit.kernel
-def draw_items(n, _, everything, pattern, raster, queue, keys):
+def draw_items(n, _, given):
     for i in range(n):
-        _draw_item(i // 32, i % 32, everything, pattern, raster, queue, keys, None, None)
+        _draw_item(i // 32, i % 32, *given, None, None)
 
 
 @jit.kernel
-def mask(n, count, everything, pattern, raster, queue, keys, materials):
+def mask(n, count, given):
     for v in range(count):
         for i in range(n):
-            _draw_triangle(i, v, everything, pattern, raster, queue, keys, materials, None)
+            _draw_triangle(i, v, *given, None)
 
 
 @jit.kernel
-def mask_pieces(n, count, everything, pattern, raster, queue, keys, materials):
+def mask_pieces(n, count, given):
     for v in range(count):
         for i in range(n):
-            _draw_piece(i, v, everything, pattern, raster, queue, keys, materials, None)
+            _draw_piece(i, v, *given, None)
 
 
 @jit.kernel
-def mask_items(n, _, everything, pattern, raster, queue, keys, materials):
+def mask_items(n, _, given):
     for i in range(n):
-        _draw_item(i // 32, i % 32, everything, pattern, raster, queue, keys, materials, None)
+        _draw_item(i // 32, i % 32, *given, None)
 
 
 @jit.kernel
-def peel(n, count, everything, pattern, raster, queue, keys, nearer_than):
+def peel(n, count, given):
+    everything, pattern, raster, queue, keys, nearer_than = given
     for v in range(count):
         for i in range(n):
             _draw_triangle(i, v, everything, pattern, raster, queue, keys, None, nearer_than)
 
 
 @jit.kernel
-def peel_pieces(n, count, everything, pattern, raster, queue, keys, nearer_than):
+def peel_pieces(n, count, given):
+    everything, pattern, raster, queue, keys, nearer_than = given
     for v in range(count):
         for i in range(n):
             _draw_piece(i, v, everything, pattern, raster, queue, keys, None, nearer_than)
 
 
 @jit.kernel
-def peel_items(n, _, everything, pattern, raster, queue, keys, nearer_than):
+def peel_items(n, _, given):
+    everything, pattern, raster, queue, keys, nearer_than = given
     for i in range(n):
         _draw_item(i // 32, i % 32, everything, pattern, raster, queue, keys, None, nearer_than)
 
 
-def take_layer(n, count, layer, keys, found):
+def take_layer(n, count, given):
+    layer, keys, found = given
     there = layer != 0
     keys[there] = layer[there]
     found[0] = there.any()
 
 
-def fill_keys(n, count, values, value):
+def fill_keys(n, count, given):
+    values, value = given
     values[:] = value
 
 
@@ -126,48 +148,48 @@ fill_floats = fill_ints = fill_keys
 
 
 @jit.kernel
-def shade(n, count, window, everything, views, materials, shading, keys, nothing, picture):
+def shade(n, count, given):
     own = _Own(
         np.empty(_SIZE, np.float32), np.empty((1, _STORED), np.float32), np.empty((1, 4), np.int32), np.empty(4, np.int32),
         np.empty(2, np.float32), np.empty(_MOST, np.int32), np.empty(4, np.float32),
     )  # fmt: skip
     for v in range(count):
         for i in range(n):
-            _shade_pixel(i, v, window, everything, views, materials, shading, keys, nothing, picture, own, None)
+            _shade_pixel(i, v, *given, own, None)
 
 
 @jit.kernel
-def shade_rich(n, count, window, everything, views, materials, shading, keys, nothing, picture):
+def shade_rich(n, count, given):
     own = _Own(
         np.empty(_SIZE, np.float32), np.empty((1, _STORED), np.float32), np.empty((1, 4), np.int32), np.empty(4, np.int32),
         np.empty(2, np.float32), np.empty(_MOST, np.int32), np.empty(4, np.float32),
     )  # fmt: skip
     for v in range(count):
         for i in range(n):
-            _shade_pixel(i, v, window, everything, views, materials, shading, keys, nothing, picture, own, True)
+            _shade_pixel(i, v, *given, own, True)
 
 
 @jit.kernel
-def light_vertices(n, count, geometry, vertex_material, chosen, views, materials, lit):
+def light_vertices(n, count, given):
     own = _Own(
         np.empty(_SIZE, np.float32), np.empty((1, _STORED), np.float32), np.empty((1, 4), np.int32), np.empty(4, np.int32),
         np.empty(2, np.float32), np.empty(_MOST, np.int32), np.empty(4, np.float32),
     )  # fmt: skip
     for v in range(count):
         for i in range(n):
-            _light_vertex(i, v, geometry, vertex_material, chosen, views, materials, lit, own)
+            _light_vertex(i, v, *given, own)
 
 
 @jit.kernel
-def resolve(n, count, window, samples, tile, taps, weights, exposure, background, picture):
+def resolve(n, count, given):
     sums = np.empty(4, np.float32)
     for v in range(count):
         for i in range(n):
-            _resolve_pixel(i, v, window, samples, tile, taps, weights, exposure, background, picture, sums)
+            _resolve_pixel(i, v, *given, sums)
 
 
 @jit.kernel
-def write_outputs(n, count, window, everything, views, pattern, keys, left, top, outputs, motion_from):
+def write_outputs(n, count, given):
     for v in range(count):
         for i in range(n):
-            _write_outputs_of(i, v, window, everything, views, pattern, keys, left, top, outputs, motion_from)
+            _write_outputs_of(i, v, *given)

@@ -3,7 +3,7 @@
 import sys
 
 import numpy as np
-from drawing import EVERYTHING, assert_same, both, camera, plain, textured
+from gpu_drawing import EVERYTHING, assert_same, both, camera, plain, textured
 
 import luxel
 from luxel.cuda.device import gpu
@@ -62,6 +62,16 @@ def baked():
         ours, theirs = (bake(scene, density=1.2, sky=sky, quality=quality, device=device) for device in ("cpu", "cuda"))
         np.testing.assert_allclose(theirs.irradiance, ours.irradiance, rtol=1e-5, atol=1e-5 * ours.irradiance.max())
         assert len(theirs.ledger) == len(ours.ledger)
+
+
+def form_factors():
+    """With pairs that something stands between."""
+    rng = np.random.default_rng(1)
+    corners = rng.normal(size=(7, 3, 3)).astype(np.float32)
+    meshes = [luxel.Mesh(c, np.array([[0, 1, 2]], np.int32)) for c in corners]
+    ours, theirs = (luxel.form_factors(meshes, tolerance=0.3, device=device) for device in ("cpu", "cuda"))
+    np.testing.assert_array_equal(ours.indices, theirs.indices)
+    np.testing.assert_allclose(theirs.data, ours.data, rtol=1e-12)
 
 
 if __name__ == "__main__":

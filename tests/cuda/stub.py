@@ -84,16 +84,9 @@ class Stub(Gpu):
     def free_memory(self):
         return 1 << 40
 
-    def array(self, host):
-        host = np.ascontiguousarray(host)
-        return array(host.shape, host.dtype, host.strides)
-
-    def empty(self, shape, dtype):
-        return array(shape, dtype)
-
-    def columns(self, shape, dtype):
-        size = np.dtype(dtype).itemsize
-        return array(shape, dtype, (size, size * shape[0]))
+    def _allocated(self, shape, dtype, order):
+        made = import_module("numba.cuda.api").prepare_shape_strides_dtype(shape, None, np.dtype(dtype), order)
+        return array(shape, dtype, made[1])
 
     def send(self, host, array):
         assert (host.shape, host.dtype) == (array.shape, array.dtype)

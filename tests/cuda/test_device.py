@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from drawing import camera, plain
+from gpu_drawing import camera, plain
 from host import Host
 
 import luxel

@@ -4,7 +4,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from drawing import EVERYTHING, assert_same, both, camera, plain, textured
+from gpu_drawing import EVERYTHING, assert_same, both, camera, plain, textured
 
 import luxel
 from luxel.cuda.frame import draw_views

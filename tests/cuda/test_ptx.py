@@ -5,10 +5,10 @@ import re
 import numpy as np
 import pytest
 import stub
-from drawing import EVERYTHING, camera, materials, soup
+from gpu_drawing import EVERYTHING, camera, materials, soup
 
 import luxel
-from luxel.cuda import bake_kernels, kernels, light_kernels
+from luxel.cuda import bake_kernels, kernels, light_kernels, pair_kernels
 from luxel.cuda.frame import draw_views
 from luxel.cuda.labour import GpuLabour
 from luxel.cuda.relight import ResidentTransport
@@ -19,8 +19,8 @@ from luxel.raster.render import Options, prepare
 from luxel.scene.builtin import cornell_box
 
 CARDS = [(7, 5), (9, 0)]
-ARCS = ("sky_light",)  # CUDA's sine and arc tangent of float64 are made of fused operations
-MODULES = kernels, light_kernels, bake_kernels
+ARCS = ("sky_light", "exchange_plain", "exchange_hidden")  # CUDA's sine, arc tangent and logarithm of float64 are made of fused operations
+MODULES = kernels, light_kernels, bake_kernels, pair_kernels
 LARGEST_ARGUMENTS = 4096  # bytes; what every driver takes
 
 
@@ -53,6 +53,8 @@ def launched():
         for seen in (16, 0):
             patch.setattr("luxel.radiosity.bake.labour_of", lambda *_: GpuLabour(stub.Stub(), 1))
             bake(lit_box(), density=2, sky=1.0, quality=Quality(4, 16, 1, seen, 16))
+        patch.setattr("luxel.cuda.form_factors.find", lambda *_: stub.Stub())
+        luxel.form_factors([cornell_box().meshes[0]] * 2, device="cuda")
         yield found
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from drawing import EVERYTHING, assert_same, both, camera, plain, textured
+from gpu_drawing import EVERYTHING, assert_same, both, camera, plain, textured
 
 import luxel
 from luxel.cuda import frame

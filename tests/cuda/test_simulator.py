@@ -8,7 +8,7 @@ from pathlib import Path
 import needs_numba_cuda  # noqa: F401 - skips without numba-cuda
 import pytest
 
-PICTURES = ("opaque", "masked_and_blended", "pieces", "lit_at_vertices", "by_render", "relit", "baked")
+PICTURES = ("opaque", "masked_and_blended", "pieces", "lit_at_vertices", "by_render", "relit", "baked", "form_factors")
 
 
 @pytest.mark.parametrize("picture", PICTURES)

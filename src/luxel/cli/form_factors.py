@@ -27,6 +27,7 @@ def form_factors(
     each_triangle: Annotated[bool, typer.Option("--triangles", help="Each triangle is a surface of its own.")] = False,
     reference: Annotated[bool, typer.Option("--reference", help="Slower, to 0.05 %.")] = False,
     threads: Annotated[str | None, typer.Option("--threads", metavar="N", help="Default: all cores.")] = None,
+    device: Annotated[str, typer.Option("--device", metavar="NAME", help="What integrates: cpu, cuda, or auto (a GPU if it can).")] = "cpu",
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -34,13 +35,14 @@ def form_factors(
     if output is not None:
         values.output(output, (".npz",))
     number = None if threads is None else values.whole(threads, "--threads", 1)
+    values.choice(device, ("cpu", "cuda", "auto"), "--device")
     console = Console(quiet, as_json)
     start = time.perf_counter()
     names, meshes = _surfaces(files, each_triangle)
     with console.work("form factors") as report:
         import luxel
 
-        factors = luxel.form_factors(meshes, one_sided=one_sided, reference=reference, threads=number, progress=report)
+        factors = luxel.form_factors(meshes, one_sided=one_sided, reference=reference, threads=number, progress=report, device=device)
     if output is not None:
         _save(output, factors)
     took = time.perf_counter() - start

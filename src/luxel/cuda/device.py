@@ -58,9 +58,10 @@ class Gpu:
         return int(self._cuda.current_context().get_memory_info()[0])
 
     def array(self, host: Array) -> Any:
-        """A copy on the device."""
-        host = np.ascontiguousarray(host)
-        return host.copy() if self._simulated else self._allocated(host.nbytes, lambda: self._cuda.to_device(host))
+        """A copy on the device, row by row."""
+        there = self.empty(host.shape, host.dtype)
+        self.send(host, there)
+        return there
 
     def copied(self, arrays: Any) -> Any:
         """A named tuple with all its arrays copied to the device, deep down."""
@@ -69,23 +70,26 @@ class Gpu:
         return type(arrays)(*map(self.copied, arrays)) if isinstance(arrays, tuple) else arrays
 
     def empty(self, shape: tuple[int, ...], dtype: Any) -> Any:
-        """An array whose values are undefined."""
-        if self._simulated:
-            return np.zeros(shape, dtype)
-        return self._allocated(math.prod(shape) * np.dtype(dtype).itemsize, lambda: self._cuda.device_array(shape, dtype))
+        """An array whose values are undefined, row by row."""
+        return self._allocated(shape, dtype, "C")
 
     def columns(self, shape: tuple[int, int], dtype: Any) -> Any:
-        """The same, stored column by column: threads that are neighbours along the first axis write to neighbouring places."""
-        if self._simulated:
-            return np.zeros(shape, dtype, order="F")
-        return self._allocated(math.prod(shape) * np.dtype(dtype).itemsize, lambda: self._cuda.device_array(shape, dtype, order="F"))
+        """The same, stored column by column: threads that are neighbours along the first axis write to neighbouring places.
 
-    def _allocated(self, size: int, make: Any) -> Any:
+        A kernel is compiled for one or the other. Which it is does not depend on the shape, as it would for Numba where there is one row or column.
+        """
+        there = self._allocated(shape, dtype, "F")
+        return there if self._simulated else self._door.columns(there)
+
+    def _allocated(self, shape: tuple[int, ...], dtype: Any, order: str) -> Any:
+        if self._simulated:
+            return np.zeros(shape, dtype, order=order)  # type: ignore[call-overload]
         try:
-            return make()
+            return self._cuda.device_array(shape, dtype, order=order)
         except Exception as error:
             if "OUT_OF_MEMORY" not in str(error):
                 raise
+            size = math.prod(shape) * np.dtype(dtype).itemsize
             raise DeviceError(f"device cuda: {_size(size)} of memory wanted, {_size(self.free_memory())} free on {self.name}") from error
 
     def host(self, array: Any) -> Array:
@@ -111,22 +115,20 @@ class Gpu:
         """The same memory as another type of the same size."""
         return array.view(dtype)
 
-    def launch(self, kernel: Any, shape: tuple[int, int], *arguments: Any) -> None:
-        """Start a grid of at least shape[0] threads for each of shape[1] views; it gets the shape before its arguments.
+    def launch(self, kernel: Any, shape: tuple[int, int], *given: Any) -> None:
+        """Start a grid of at least shape[0] threads for each of shape[1] views; it gets the shape, and what is given as one tuple.
 
-        Numba would look at the types of all arguments each time. A kernel of luxel is always given the same, so they are looked at once.
+        Numba would look at the types of all that is given each time. A kernel of luxel is always given the same, so they are looked at once.
         """
         if 0 in shape:
             return
-        block = _BLOCK
-        if self._simulated:  # it starts a thread of the system for each, and would copy arrays there and back, also those that share their memory
-            block, arguments = 4, tuple(self._door.lent(item) if isinstance(item, np.ndarray) else item for item in arguments)
+        block = 4 if self._simulated else _BLOCK  # it starts a thread of the system for each
         configured = self._door.configured(kernel, (-(-shape[0] // block), shape[1]), (block, 1))
         known = self._compiled.get(kernel)
         if known is not None:
-            known.launch((*shape, *arguments), configured.griddim, configured.blockdim, configured.stream, configured.sharedmem)
+            known.launch((*shape, given), configured.griddim, configured.blockdim, configured.stream, configured.sharedmem)
             return
-        configured(*shape, *arguments)
+        configured(*shape, given)
         if not self._simulated:
             (self._compiled[kernel],) = kernel.overloads.values()
 

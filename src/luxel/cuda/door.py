@@ -12,6 +12,7 @@ import importlib.util
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ if importlib.util.find_spec("numba_cuda") is None:
 
 from numba import cuda
 
-__all__ = ["SIMULATED", "configured", "cuda", "function", "initialise", "kernel", "lent", "libdevice"]
+__all__ = ["SIMULATED", "columns", "configured", "cuda", "function", "initialise", "kernel", "libdevice"]
 
 SIMULATED = os.environ.get("NUMBA_ENABLE_CUDASIM", "0") not in ("", "0")
 libdevice: Any = None if SIMULATED else importlib.import_module("numba.cuda.libdevice")
@@ -94,11 +95,21 @@ def configured(grid: Any, blocks: tuple[int, int], block: tuple[int, int]) -> An
         config.CUDA_LOW_OCCUPANCY_WARNINGS = before
 
 
-def lent(array: Any) -> Any:
-    """An array as the simulator has it, in the same memory."""
-    from numba.cuda.simulator.cudadrv.devicearray import FakeCUDAArray
+@cache
+def _columns() -> Any:
+    from numba.cuda.cudadrv.devicearray import DeviceNDArray
 
-    return FakeCUDAArray(array)
+    class Columns(DeviceNDArray):  # type: ignore[misc]
+        @property
+        def _numba_type_(self) -> Any:
+            return super()._numba_type_.copy(layout="F")
+
+    return Columns
+
+
+def columns(array: Any) -> Any:
+    """The memory of an array that is stored column by column, which Numba knows as such also where it has one row, one column or none."""
+    return _columns()(array.shape, array.strides, array.dtype, gpu_data=array.gpu_data)
 
 
 def initialise() -> Any:

@@ -1,7 +1,7 @@
 """The grids: one thread a vertex, a triangle, a pixel, and its own memory. What the threads do is `luxel.cuda.threads`.
 
-The second axis of a grid counts views. A kernel is given the number of threads that are wanted, and of views. Each is always given the same types:
-they are looked at once (`luxel.cuda.device.Gpu.launch`).
+The second axis of a grid counts views. A kernel is given the number of threads that are wanted, and of views, and all else as one tuple. Each is
+always given the same types: they are looked at once (`luxel.cuda.device.Gpu.launch`).
 """
 
 from __future__ import annotations
@@ -25,130 +25,137 @@ _NO_LAYER = _draw.NO_LAYER
 
 
 @kernel
-def project(n, views_drawn, positions, views, window, screen, screen_f):
+def project(n, views_drawn, given):
     """`threads.views.project_vertex`."""
     i, v = cuda.grid(2)
     if i < n and v < views_drawn:
-        _project_vertex(i, v, positions, views, window, screen, screen_f)
+        _project_vertex(i, v, *given)
 
 
 @kernel
-def count_pieces(n, _, candidates, geometry, views, guard, pieces):
+def count_pieces(n, _, given):
     """`threads.views.count_pieces`."""
     i, _ = cuda.grid(2)
     p, q = cuda.local.array((10, 7), np.float64), cuda.local.array((18, 7), np.float64)
     if i < n:
-        _count_pieces(i, candidates, geometry, views, guard, pieces, p, q)
+        _count_pieces(i, *given, p, q)
 
 
 @kernel
-def write_pieces(n, _, candidates, geometry, views, guard, window, start, clipped, clipped_f):
+def write_pieces(n, _, given):
     """`threads.views.write_pieces`."""
     i, _ = cuda.grid(2)
     p, q = cuda.local.array((10, 7), np.float64), cuda.local.array((18, 7), np.float64)
     if i < n:
-        _write_pieces(i, candidates, geometry, views, guard, window, start, clipped, clipped_f, p, q)
+        _write_pieces(i, *given, p, q)
 
 
 @kernel
-def fill_keys(n, views_drawn, values, value):
+def fill_keys(n, views_drawn, given):
     """values[v, i] = value, for (v, n) uint64."""
+    values, value = given
     i, v = cuda.grid(2)
     if i < n and v < views_drawn:
         values[v, i] = value
 
 
 @kernel
-def fill_floats(n, views_drawn, values, value):
+def fill_floats(n, views_drawn, given):
     """values[v, i] = value, for (v, n) float32."""
+    values, value = given
     i, v = cuda.grid(2)
     if i < n and v < views_drawn:
         values[v, i] = value
 
 
 @kernel
-def fill_ints(n, views_drawn, values, value):
+def fill_ints(n, views_drawn, given):
     """values[v, i] = value, for (v, n) int32."""
+    values, value = given
     i, v = cuda.grid(2)
     if i < n and v < views_drawn:
         values[v, i] = value
 
 
 @kernel
-def draw(n, views_drawn, everything, pattern, raster, queue, keys):
+def draw(n, views_drawn, given):
     """`threads.draw.draw_triangle`: opaque triangles."""
     i, v = cuda.grid(2)
     if i < n and v < views_drawn:
-        _draw_triangle(i, v, everything, pattern, raster, queue, keys, None, None)
+        _draw_triangle(i, v, *given, None, None)
 
 
 @kernel
-def draw_pieces(n, views_drawn, everything, pattern, raster, queue, keys):
+def draw_pieces(n, views_drawn, given):
     """`threads.draw.draw_piece`: opaque pieces."""
     i, v = cuda.grid(2)
     if i < n and v < views_drawn:
-        _draw_piece(i, v, everything, pattern, raster, queue, keys, None, None)
+        _draw_piece(i, v, *given, None, None)
 
 
 @kernel
-def draw_items(n, _, everything, pattern, raster, queue, keys):
+def draw_items(n, _, given):
     """`threads.draw.draw_item`: `n` lanes."""
     i, _ = cuda.grid(2)
     if i < n:
-        _draw_item(i // _WARP, i % _WARP, everything, pattern, raster, queue, keys, None, None)
+        _draw_item(i // _WARP, i % _WARP, *given, None, None)
 
 
 @kernel
-def mask(n, views_drawn, everything, pattern, raster, queue, keys, materials):
+def mask(n, views_drawn, given):
     """`threads.draw.draw_triangle`: masked triangles."""
     i, v = cuda.grid(2)
     if i < n and v < views_drawn:
-        _draw_triangle(i, v, everything, pattern, raster, queue, keys, materials, None)
+        _draw_triangle(i, v, *given, None)
 
 
 @kernel
-def mask_pieces(n, views_drawn, everything, pattern, raster, queue, keys, materials):
+def mask_pieces(n, views_drawn, given):
     """`threads.draw.draw_piece`: masked pieces."""
     i, v = cuda.grid(2)
     if i < n and v < views_drawn:
-        _draw_piece(i, v, everything, pattern, raster, queue, keys, materials, None)
+        _draw_piece(i, v, *given, None)
 
 
 @kernel
-def mask_items(n, _, everything, pattern, raster, queue, keys, materials):
+def mask_items(n, _, given):
     """`threads.draw.draw_item`: masked ones."""
     i, _ = cuda.grid(2)
     if i < n:
-        _draw_item(i // _WARP, i % _WARP, everything, pattern, raster, queue, keys, materials, None)
+        _draw_item(i // _WARP, i % _WARP, *given, None)
 
 
 @kernel
-def peel(n, views_drawn, everything, pattern, raster, queue, keys, nearer_than):
+def peel(n, views_drawn, given):
     """`threads.draw.draw_triangle`: one layer of blended triangles."""
+    everything, pattern, raster, queue, keys, nearer_than = given
     i, v = cuda.grid(2)
     if i < n and v < views_drawn:
         _draw_triangle(i, v, everything, pattern, raster, queue, keys, None, nearer_than)
 
 
 @kernel
-def peel_pieces(n, views_drawn, everything, pattern, raster, queue, keys, nearer_than):
+def peel_pieces(n, views_drawn, given):
     """`threads.draw.draw_piece`: one layer of blended pieces."""
+    everything, pattern, raster, queue, keys, nearer_than = given
     i, v = cuda.grid(2)
     if i < n and v < views_drawn:
         _draw_piece(i, v, everything, pattern, raster, queue, keys, None, nearer_than)
 
 
 @kernel
-def peel_items(n, _, everything, pattern, raster, queue, keys, nearer_than):
+def peel_items(n, _, given):
     """`threads.draw.draw_item`: blended ones."""
+    everything, pattern, raster, queue, keys, nearer_than = given
     i, _ = cuda.grid(2)
     if i < n:
         _draw_item(i // _WARP, i % _WARP, everything, pattern, raster, queue, keys, None, nearer_than)
 
 
 @kernel
-def take_layer(n, views_drawn, layer, keys, found):
+def take_layer(n, views_drawn, given):
     """What a pass found is what the next must be nearer than: (v, n) keys; and `found` gets 1 if there was anything."""
+    layer, keys, found = given
     i, v = cuda.grid(2)
     if i < n and v < views_drawn and layer[v, i] != _NO_LAYER:
         keys[v, i] = layer[v, i]
@@ -156,7 +163,7 @@ def take_layer(n, views_drawn, layer, keys, found):
 
 
 @kernel
-def shade(n, views_drawn, window, everything, views, materials, shading, keys, nothing, picture):
+def shade(n, views_drawn, given):
     """`threads.shade.shade_pixel`, where no material has a texture or is of the metallic-roughness model."""
     i, v = cuda.grid(2)
     own = _Own(
@@ -164,11 +171,11 @@ def shade(n, views_drawn, window, everything, views, materials, shading, keys, n
         cuda.local.array(4, np.int32), cuda.local.array(2, np.float32), cuda.local.array(_MOST, np.int32), cuda.local.array(4, np.float32),
     )  # fmt: skip
     if i < n and v < views_drawn:
-        _shade_pixel(i, v, window, everything, views, materials, shading, keys, nothing, picture, own, None)
+        _shade_pixel(i, v, *given, own, None)
 
 
 @kernel
-def shade_rich(n, views_drawn, window, everything, views, materials, shading, keys, nothing, picture):
+def shade_rich(n, views_drawn, given):
     """`threads.shade.shade_pixel`."""
     i, v = cuda.grid(2)
     own = _Own(
@@ -176,11 +183,11 @@ def shade_rich(n, views_drawn, window, everything, views, materials, shading, ke
         cuda.local.array(4, np.int32), cuda.local.array(2, np.float32), cuda.local.array(_MOST, np.int32), cuda.local.array(4, np.float32),
     )  # fmt: skip
     if i < n and v < views_drawn:
-        _shade_pixel(i, v, window, everything, views, materials, shading, keys, nothing, picture, own, True)
+        _shade_pixel(i, v, *given, own, True)
 
 
 @kernel
-def light_vertices(n, views_drawn, geometry, vertex_material, chosen, views, materials, lit):
+def light_vertices(n, views_drawn, given):
     """`threads.shade.light_vertex`."""
     i, v = cuda.grid(2)
     own = _Own(
@@ -188,21 +195,21 @@ def light_vertices(n, views_drawn, geometry, vertex_material, chosen, views, mat
         cuda.local.array(4, np.int32), cuda.local.array(2, np.float32), cuda.local.array(_MOST, np.int32), cuda.local.array(4, np.float32),
     )  # fmt: skip
     if i < n and v < views_drawn:
-        _light_vertex(i, v, geometry, vertex_material, chosen, views, materials, lit, own)
+        _light_vertex(i, v, *given, own)
 
 
 @kernel
-def resolve(n, views_drawn, window, samples, tile, taps, weights, exposure, background, picture):
+def resolve(n, views_drawn, given):
     """`threads.shade.resolve_pixel`."""
     i, v = cuda.grid(2)
     sums = cuda.local.array(4, np.float32)
     if i < n and v < views_drawn:
-        _resolve_pixel(i, v, window, samples, tile, taps, weights, exposure, background, picture, sums)
+        _resolve_pixel(i, v, *given, sums)
 
 
 @kernel
-def write_outputs(n, views_drawn, window, everything, views, pattern, keys, left, top, outputs, motion_from):
+def write_outputs(n, views_drawn, given):
     """`threads.shade.write_outputs_of`."""
     i, v = cuda.grid(2)
     if i < n and v < views_drawn:
-        _write_outputs_of(i, v, window, everything, views, pattern, keys, left, top, outputs, motion_from)
+        _write_outputs_of(i, v, *given)

@@ -1,6 +1,6 @@
 """What threads need of the machine beyond arithmetic: operations on shared memory that no other thread can come between.
 
-These are for one thread after the other; `luxel.cuda.device` has the GPU's in their place.
+These are for one thread after the other; `luxel.cuda.primitives` has the GPU's in their place.
 """
 
 from __future__ import annotations

@@ -52,6 +52,7 @@ def form_factors(
     reference: bool = False,
     threads: int | None = None,
     progress: Callable[[float], None] | None = None,
+    device: str = "cpu",
 ) -> FormFactors:
     """Form factors between n surfaces, each an obstacle to all others.
 
@@ -64,12 +65,15 @@ def form_factors(
         reference: Look closer at partly hidden pairs, and settle for rays only between hundreds of obstacles.
         threads: How many; default all cores. The result does not depend on it.
         progress: Called with the part done, 0..1.
+        device: "cpu"; "cuda": a GPU integrates; or "auto": a GPU if one can be used and has the memory. The result is the same but for rounding.
 
     Returns:
         `FormFactors`, sparse: pairs that do not see each other are left out.
 
     Raises:
         InputError: Something is not a mesh, a vertex is not finite, or the tolerance is not between 1e-9 and 0.5.
+        DeviceError: Device "cuda", and there is no GPU, no driver, too old a card, or too little memory on it.
+        ExtraMissingError: Device "cuda", and numba-cuda is not installed.
     """
     surfaces = _checked(meshes)
     tolerance = (REFERENCE if reference else TOLERANCE) if tolerance is None else float(tolerance)
@@ -82,7 +86,8 @@ def form_factors(
     if n and not areas.all():
         empty = np.flatnonzero(areas == 0)
         warnings.warn(f"{len(empty)} surfaces have no area (the first is {empty[0]}): their form factors are 0", LuxelWarning, stacklevel=2)
-    rows, columns, values, errors = _exchanges(world, starts, wanted, jit.checked_threads(threads), progress)
+    fill = _filler(device, world, starts, wanted, jit.checked_threads(threads))
+    rows, columns, values, errors = _exchanges(n, fill, progress)
     return _matrix(rows, columns, values, errors, areas)
 
 
@@ -126,16 +131,30 @@ def _fill_rows(queue, world, starts, wanted, first, block, errors):
     own.bounds[0] = 0.0  # the scratch must live until here
 
 
+def _filler(device: str, world: World, starts: Array, wanted: Wanted, threads: int) -> Callable[[int, Array, Array], None]:
+    """What fills `block` and `errors` (k, n) from surface `first` on, as `_fill_rows`, on a device."""
+    if device != "cpu":
+        from luxel.cuda.form_factors import pairs_on
+
+        there = pairs_on(device, world, starts, wanted)
+        if there is not None:
+            return there.fill
+
+    def fill(first: int, block: Array, errors: Array) -> None:
+        jit.run(_fill_rows, min(threads, len(block)), world, starts, wanted, first, block, errors)
+
+    return fill
+
+
 def _exchanges(
-    world: World, starts: Array, wanted: Wanted, threads: int, progress: Callable[[float], None] | None
+    n: int, fill: Callable[[int, Array, Array], None], progress: Callable[[float], None] | None
 ) -> tuple[Array, Array, Array, Array]:
-    """Rows, columns and values (square metres) of the exchanges that are not 0, row <= column, and their errors."""
-    n = len(starts) - 1
+    """Rows, columns and values (square metres) of the exchanges of n surfaces that are not 0, row <= column, and their errors."""
     step = max(1, min(-(-n // 16), _ROWS // max(n, 1)))
     parts = [(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0), np.zeros(0))]
     for first in range(0, n, step):
         block, errors = np.zeros((min(step, n - first), n)), np.zeros((min(step, n - first), n))
-        jit.run(_fill_rows, min(threads, len(block)), world, starts, wanted, first, block, errors)
+        fill(first, block, errors)
         rows, columns = np.nonzero(block)
         parts.append((rows + first, columns, block[rows, columns], errors[rows, columns]))
         if progress is not None:

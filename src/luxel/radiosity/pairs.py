@@ -29,7 +29,9 @@ _INNER = 2.0 + math.sqrt(3.0)  # weight of the two inner samples in the third di
 _JUMP = 0.04  # of the third difference: what a cell and its quarters would differ by, had they not agreed by chance
 _LEEWAY = 2.0  # a cell's quarters are so much closer to the truth than it is
 _STAKE = 1000.0  # floors that a cell must be worth to be quartered unasked
-_RAYS = 64
+RAYS = 64
+LEVELS, PLANES, CELLS = _DEEPEST + 2, 40, 4 * _DEEPEST + 8
+NOT_PLAIN = -1.0
 _NEAR = 0.7  # sizes over distance from which quadrature points on both do not pay
 
 
@@ -64,7 +66,16 @@ class Wanted(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """What one thread works in; see `make_scratch`."""
+    """What one thread works in; of the sizes see `make_scratch`.
+
+    Attributes:
+        a, b, c: Corners of two sides and of a cell.
+        blockers, found: By level of cells, which obstacles stand between and how many.
+        planes, bounds, terms: Of the shaft; its box; of the contour integral.
+        cells, samples: That are still to be looked at; of one of them.
+        pieces, counts: What is left of a polygon behind obstacles.
+        points: Of both polygons, where rays begin and end.
+    """
 
     a: Array
     b: Array
@@ -73,22 +84,21 @@ class Scratch(NamedTuple):
     found: Array
     planes: Array
     bounds: Array
+    terms: Array
+    cells: Array
+    samples: Array
     pieces: Array
     counts: Array
-    cells: Array
     points: Array
-    terms: Array
-    samples: Array
 
 
 @jit.kernel
 def make_scratch():
     """Scratch for one thread."""
     return Scratch(
-        np.zeros((CORNERS, 3)), np.zeros((CORNERS, 3)), np.zeros((4, 3)), np.zeros((_DEEPEST + 2, BLOCKERS), np.int64),
-        np.zeros(_DEEPEST + 2, np.int64), np.zeros((40, 4)), np.zeros(6), np.zeros((PIECES + 2, PIECE_CORNERS, 3)), np.zeros(PIECES, np.int64),
-        np.zeros((4 * _DEEPEST + 8, 6)), np.zeros((2, _RAYS, 4)), np.zeros((2, CORNERS, CORNERS)),
-        np.zeros((4, 6)),
+        np.zeros((CORNERS, 3)), np.zeros((CORNERS, 3)), np.zeros((4, 3)), np.zeros((LEVELS, BLOCKERS), np.int64), np.zeros(LEVELS, np.int64),
+        np.zeros((PLANES, 4)), np.zeros(6), np.zeros((2, CORNERS, CORNERS)), np.zeros((CELLS, 6)), np.zeros((4, 6)),
+        np.zeros((PIECES + 2, PIECE_CORNERS, 3)), np.zeros(PIECES, np.int64), np.zeros((2, RAYS, 4)),
     )  # fmt: skip
 
 
@@ -217,8 +227,8 @@ def _sequence(i, base):
 
 @jit.part
 def _ray_points(a, first, base_u, base_v, turn, rows):
-    """_RAYS points spread over a polygon, x, y, z and weight: Halton's, moved by `turn`."""
-    for k in range(_RAYS):
+    """RAYS points spread over a polygon, x, y, z and weight: Halton's, moved by `turn`."""
+    for k in range(RAYS):
         u, v = _sequence(first + k, base_u) + turn, _sequence(first + k, base_v) + turn
         u, v = u - math.floor(u), v - math.floor(v)
         piece = 0
@@ -235,9 +245,9 @@ def _by_rays(world, a, b, whole, wanted, floor, scratch):
     weights = squares = seen = 0.0
     value, error = 0.0, whole
     for batch in range(wanted.batches):
-        _ray_points(a, batch * _RAYS, 2, 3, 0.37, scratch.points[0])
-        _ray_points(b, batch * _RAYS, 5, 7, 0.71, scratch.points[1])
-        for k in range(_RAYS):
+        _ray_points(a, batch * RAYS, 2, 3, 0.37, scratch.points[0])
+        _ray_points(b, batch * RAYS, 5, 7, 0.71, scratch.points[1])
+        for k in range(RAYS):
             p, q = scratch.points[0, k], scratch.points[1, k]
             dx, dy, dz = q[0] - p[0], q[1] - p[1], q[2] - p[2]
             r2 = dx * dx + dy * dy + dz * dz
@@ -252,7 +262,7 @@ def _by_rays(world, a, b, whole, wanted, floor, scratch):
         share = seen / weights if weights > 0.0 else 0.0
         value = whole * share
         # As for independent rays, had one more been seen and one more hidden.
-        spread = share * (1.0 - share) + 1.0 / (_RAYS * (batch + 1))
+        spread = share * (1.0 - share) + 1.0 / (RAYS * (batch + 1))
         error = whole * math.sqrt(spread * squares) / weights if weights > 0.0 else 0.0
         if error <= max(wanted.tolerance * value, floor) or (wanted.batches <= 64 and (share == 0.0 or share == 1.0)):
             break
@@ -303,8 +313,8 @@ def _softer_on_first(polygons, a, b, blockers, found):
 
 
 @jit.part
-def _facing(world, p, q, a, b, cut, wanted, floor, scratch):
-    """The exchange of polygon p, or the part `a` cut from it, with `b` of polygon q, and the error estimated."""
+def _facing(world, p, q, a, b, cut, wanted, floor, scratch, only_plain):
+    """The exchange of polygon p, or the part `a` cut from it, with `b` of polygon q, and the error estimated; see `exchange`."""
     polygons = world.polygons
     normal_p, normal_q = polygons.normal[p], polygons.normal[q]
     value, error = _alone(polygons.points[p], polygons.points[q], normal_p, normal_q, a, b, cut, wanted, floor, scratch.terms)
@@ -320,6 +330,8 @@ def _facing(world, p, q, a, b, cut, wanted, floor, scratch):
     if value <= floor:
         hidden = occluded(world.occlusion, a.x, a.y, a.z, b.x, b.y, b.z, -1, -1)
         return (0.0 if hidden else value), value
+    if only_plain is not None:
+        return 0.0, NOT_PLAIN
     if found <= BLOCKERS:
         first, second = (a, b) if _softer_on_first(world.obstacles, a, b, scratch.blockers[0], found) else (b, a)
         part, error = _partly_hidden(world, first, second, found, value, wanted, floor, scratch)
@@ -367,8 +379,11 @@ def _cut_side(polygons, p, sign, q, above, out):
 
 
 @jit.part
-def exchange(world, p, q, wanted, scratch):
-    """The exchange of polygons p and q, square metres, and the error estimated. From both sides of each, or from the fronts only."""
+def exchange(world, p, q, wanted, scratch, only_plain=None):
+    """The exchange of polygons p and q, square metres, and the error estimated. From both sides of each, or from the fronts only.
+
+    If `only_plain` is not None, the error is `NOT_PLAIN` where something stands between them, which takes `Scratch` from `cells` on.
+    """
     polygons = world.polygons
     epsilon = polygons.epsilon[0]
     np_, cp, nq, cq = polygons.normal[p], polygons.centre[p], polygons.normal[q], polygons.centre[q]
@@ -392,6 +407,8 @@ def exchange(world, p, q, wanted, scratch):
         else:
             a, b = _whole_side(polygons, p, sign_p, scratch.a), _whole_side(polygons, q, sign_q, scratch.b)
         if a.sides >= 3 and b.sides >= 3 and a.radius > epsilon and b.radius > epsilon:
-            part, wrong = _facing(world, p, q, a, b, cut, wanted, floor, scratch)
+            part, wrong = _facing(world, p, q, a, b, cut, wanted, floor, scratch, only_plain)
+            if only_plain is not None and wrong < 0.0:
+                return 0.0, NOT_PLAIN
             value, error = value + part, error + wrong
     return value, error

@@ -44,9 +44,9 @@ def share_sent(t, numbers, away, sent, gained, shares):
 
 
 @part
-def add_up(t, row, shares, sums):
-    """Part `t` of the sum in a row: shares (SUMS, s), sums (SUMS, PARTS) float64."""
-    total = 0.0
+def add_up(t, j, first, shares, sums):
+    """Part `t` of the sum in row first + j: shares (SUMS, s), sums (SUMS, PARTS) float64."""
+    total, row = 0.0, first + j
     for k in range(t, shares.shape[1], PARTS):
         total += shares[row, k]
     sums[row, t] = total
