@@ -19,7 +19,7 @@ _FIRST = np.int32(np.float32(2.0**-13).view(np.int32) >> _LOW_BITS)
 _LAST = np.int32(np.float32(1.0).view(np.int32) >> _LOW_BITS)
 _MASK = np.int32((1 << _LOW_BITS) - 1)
 _BASE = np.int32(_FIRST << _LOW_BITS)
-_SHIFT = np.int32(_LOW_BITS)
+_SHIFT, _UNSIGNED_SHIFT = np.int32(_LOW_BITS), np.uint32(_LOW_BITS)
 _DARK, _ZERO, _HALF, _ONE, _FULL = (np.float32(value) for value in (2.0**-13, 0.0, 0.5, 1.0, 255.0))
 _OPAQUE = np.uint32(0xFF000000)
 _GREEN, _BLUE, _ALPHA = np.int32(8), np.int32(16), np.int32(24)
@@ -67,7 +67,8 @@ def srgb_code(value: np.float32) -> np.int32:
     """The sRGB code 0..255 of linear light; below 0 and NaN give 0, above 1 gives 255."""
     value = min(_ONE, max(_DARK, value))  # in this order NaN gives the bound
     offset = np.int32(float_bits(value) - _BASE)
-    return np.int32(np.int32(SRGB_TABLE[np.uint32(offset >> _SHIFT)] + np.int32(offset & _MASK)) >> _SHIFT)
+    bucket = np.uint32(np.uint32(offset) >> _UNSIGNED_SHIFT)  # seen to fit int32, so that looking it up takes half as long
+    return np.int32(np.int32(SRGB_TABLE[bucket] + np.int32(offset & _MASK)) >> _SHIFT)
 
 
 @inlined

@@ -39,8 +39,10 @@ class Outputs(NamedTuple):
     @classmethod
     def wanted(cls, names: set[str], width: int, height: int) -> Outputs:
         """Arrays of the outputs named, filled with nothing; empty ones for the rest."""
-        sizes = {name: (height, width) if name in names else (0, 0) for name in SHAPES}
-        return cls(*(np.full(sizes[name] + shape, nothing, dtype) for name, (shape, dtype, nothing) in SHAPES.items()))
+        return _NOTHING._replace(**{name: np.full((height, width, *SHAPES[name][0]), SHAPES[name][2], SHAPES[name][1]) for name in names & set(SHAPES)})
+
+
+_NOTHING = Outputs(*(np.empty((0, 0, *shape), dtype) for shape, dtype, _ in SHAPES.values()))
 
 
 @jit.inlined

@@ -6,7 +6,7 @@ import operator
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, fields, replace
-from functools import partial
+from functools import lru_cache, partial
 from itertools import islice
 from typing import Any, NamedTuple
 
@@ -80,6 +80,17 @@ class Options:
         object.__setattr__(self, "threads", jit.checked_threads(self.threads))
         object.__setattr__(self, "positions", _pattern(self.samples, self.pattern, self.ssaa))
         object.__setattr__(self, "fill", _background(self.background))
+
+
+_kept_options = lru_cache(maxsize=64, typed=True)(Options)
+
+
+def _options(*values: Any) -> Options:
+    """The options of one frame are mostly those of the last: they are checked once."""
+    try:
+        return _kept_options(*values)
+    except TypeError:  # a list, or an array: nothing to find it by
+        return Options(*values)
 
 
 def _pattern(samples: int, pattern: str, ssaa: int) -> Array:
@@ -210,7 +221,7 @@ def render(scene: Any, camera: Camera | None = None, size: tuple[int, int] = (12
         FileError: The file to load is missing or broken.
         DeviceError, ExtraMissingError: Device "cuda", and no GPU can be used.
     """
-    options = Options(samples, pattern, ssaa, filter, background, outputs, exposure, threads, tile)  # type: ignore[arg-type]
+    options = _options(samples, pattern, ssaa, filter, background, outputs, exposure, jit.checked_threads(threads), tile)
     started = time.perf_counter()
     prepared = _prepared(scene, shading, cull, device)
     if on_device and options.filter == LOWPASS:

@@ -7,6 +7,7 @@ once for all its runs in a tile, wherever they end: `Runs.setup` says where.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -115,7 +116,13 @@ def add_run(r, runs, n, setup, pixel, mask, x, y):
 
 
 def mean_places(pattern: Array) -> Array:
-    """(256, 2) float32 for `Setups.mean`; what has no samples is 0."""
+    """(256, 2) float32 for `Setups.mean`; what has no samples is 0. Not to be written to: it is made once."""
+    return _mean_places(pattern.tobytes(), pattern.dtype.str)
+
+
+@lru_cache(maxsize=32)
+def _mean_places(pattern_bytes: bytes, kind: str) -> Array:
+    pattern = np.frombuffer(pattern_bytes, kind).reshape(-1, 2)
     has = np.arange(256)[:, None] >> np.arange(min(len(pattern), 8)) & 1
     total = has @ pattern[:8]
     return (total / np.maximum(has.sum(1, keepdims=True), 1) / 256).astype(np.float32)

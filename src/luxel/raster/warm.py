@@ -35,8 +35,15 @@ def compile_visibility() -> None:
     bin_triangles(triangles, screen, NO_CLIPPED, parts, 0, pattern, window, tile, 1)
 
 
+_asked = False
+
+
 def start() -> subprocess.Popen[bytes] | None:
-    """Start the child if there is something to compile, somewhere to keep it, and a core to spare; else None."""
+    """Start the child if there is something to compile, somewhere to keep it, and a core to spare; else None. Once in a process."""
+    global _asked
+    if _asked:
+        return None
+    _asked = True
     from luxel.raster.project import _project
     from luxel.raster.shade import _shade
 
