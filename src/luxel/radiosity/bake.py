@@ -34,7 +34,7 @@ from luxel.radiosity.occlusion import Occlusion, prepare
 from luxel.radiosity.pages import triangle_pages
 from luxel.radiosity.rays import scene_masks
 from luxel.radiosity.relight import Transport, transport_of
-from luxel.radiosity.solve import Problem, Rows, State, Step, ambient, complete, element_steps, light_steps, patch_steps, start
+from luxel.radiosity.solve import Problem, Rows, Source, State, Step, ambient, complete, element_steps, light_steps, patch_steps, start
 from luxel.radiosity.unwrap import Atlas, expected_luxels, unwrap
 from luxel.raster.bin import BLEND
 from luxel.raster.geometry import Geometry, flatten
@@ -201,8 +201,9 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
     if problem.lights is None and not len(lamps.table) and lamps.sky is None:
         raise InputError("bake: nothing shines: what is emissive has no surface, or its pictures are black")
     keep = transport or layers
-    labour = labour.fitting(problem, rays)
-    rows, light_rows = _room(problem, settings.seen > 0, rays, keep, labour)
+    counts = _kept_rows(problem, settings.seen > 0, rays, keep, labour)
+    labour = labour.fitting(problem, prepared.view, (rays, settings.gathered), counts)
+    light_rows = _rows(problem, problem.lights, counts[1], labour)
     state = start(problem)
 
     def told(looked: float) -> None:
@@ -227,7 +228,7 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
     if settings.seen:
         steps.append(element_steps(problem, state, sight, settings.tolerance, labour))
     else:
-        steps.append(patch_steps(problem, state, rows, settings.tolerance, labour))
+        steps.append(patch_steps(problem, state, _rows(problem, problem.patches, counts[0], labour), settings.tolerance, labour))
     kept_in = (Path(checkpoint), key) if checkpoint and keeps else None
     finished = _shoot_all(chain(*steps), prepared, state, deadline, progress, kept_in, labour)
     clock.lap("solve")
@@ -279,16 +280,19 @@ def rays_of(settings: Quality, sky: bool) -> int:
     return (settings.seen or _SEEN) * (2 if sky else 1)
 
 
-def _room(problem: Problem, elements_shoot: bool, rays: int, keep: bool, labour: Labour) -> tuple[Rows, Rows]:
-    """Where rows are kept: of the patches what fits, if they shoot; of the lights all if they must be."""
+def _kept_rows(problem: Problem, elements_shoot: bool, rays: int, keep: bool, labour: Labour) -> tuple[int, int]:
+    """How many rows are kept: of the patches what fits, if they shoot; of the lights all if they must be."""
     n, patches = problem.elements.numbers.shape[1], len(problem.patches.tree.patches)
     lights = 0 if problem.lights is None else len(problem.lights.tree.patches)
     wanted = 2 * n * lights + 4 * n * rays
     if keep and wanted > _MOST_KEPT:
         raise InputError(f"transport: {wanted / 1e9:.1f} GB for {lights} lights and {n} luxels, at most {_MOST_KEPT / 1e9:.0f} GB: bake coarser")
-    own = problem.own.numbers.shape[1]
-    kept = 0 if elements_shoot else labour.team.size * _ROW_BYTES // (2 * n)
-    return Rows(patches, own, kept, labour.empty), Rows(lights, own, lights if keep else 0, labour.empty)
+    return 0 if elements_shoot else min(patches, labour.team.size * _ROW_BYTES // (2 * n)), lights if keep else 0
+
+
+def _rows(problem: Problem, source: Source | None, kept: int, labour: Labour) -> Rows:
+    """Where so many rows of a source are kept."""
+    return Rows(0 if source is None else len(source.tree.patches), problem.own.numbers.shape[1], kept, labour.empty)
 
 
 def _layers(prepared: _Prepared, kept: Transport | None, lamps: Lamps, sight: Callable[[], Sight], labour: Labour) -> dict[str, Array]:

@@ -89,8 +89,8 @@ class Labour:
         """(..., n), the same everywhere: of `work(which)`, (..., k) for an index of k of n items."""
         return self.join(work(self.mine(n)), n)
 
-    def fitting(self, problem: Problem, rays: int) -> Labour:
-        """Who does it, if what elements see by so many `rays` each has to fit in memory."""
+    def fitting(self, problem: Problem, view: View, rays: tuple[int, int], rows: tuple[int, int]) -> Labour:
+        """Who does it, if it has to fit in memory: rays of each element that are kept, and that are not; rows of patches and of lights."""
         return self
 
     def state(self, problem: Problem, state: State) -> State:

@@ -69,6 +69,11 @@ def groups(tree: Tree) -> Array:
     return np.append(starts[: -1 : -(-len(starts) // _MOST_GROUPS)], starts[-1])
 
 
+def at_once(patches: int) -> int:
+    """How many of so many patches shoot in a batch, at most."""
+    return max(1, min(BATCH, patches // _SHARE))
+
+
 class Step(NamedTuple):
     """A line of the ledger: watts per channel (3,), after so many shots."""
 
@@ -132,11 +137,19 @@ class State:
         if from_lights:
             self.direct += gained
 
-    def forget(self, problem: Problem, chosen: Array) -> None:
-        """The elements of the chosen patches have shot."""
-        starts = patch_starts(problem.patches.tree)
+    def shoot_brightest(self, problem: Problem, rows: Rows, labour: Labour) -> int:
+        """Let the brightest patches shoot; returns how many. `rows` are theirs."""
+        tree, starts, total = problem.patches.tree, patch_starts(problem.patches.tree), self.power.sum(1)
+        chosen = np.sort(np.argsort(-total, kind="stable")[: at_once(len(total))])
+        chosen = chosen[total[chosen] > 0]
+        radiosity = self.power[chosen] / (tree.place[tree.patches[chosen], 7].astype(np.float64))[:, None]
+        gained, lost = _shoot(problem, problem.patches, chosen, rows, radiosity, labour)
+        self.whole = False
+        self.escaped = self.escaped + lost
         for p in chosen:
             self.unshot[:, starts[p] : starts[p + 1]] = 0
+        self.take_in(problem, gained, labour.threads)
+        return len(chosen)
 
     def pass_on(self, problem: Problem, sight: Sight, labour: Labour) -> None:
         """Let all elements shoot at once what they have to shoot, through what they see."""
@@ -305,18 +318,8 @@ def light_steps(problem: Problem, state: State, rows: Rows, labour: Labour) -> I
 
 def patch_steps(problem: Problem, state: State, rows: Rows, tolerance: float, labour: Labour) -> Iterator[State]:
     """Let the brightest patches shoot until what is unshot is below `tolerance` of what was emitted; yields the state after each batch."""
-    tree = problem.patches.tree
     while labour.once(lambda: _much(state, tolerance)):
-        total = state.power.sum(1)
-        chosen = np.sort(np.argsort(-total, kind="stable")[: max(1, min(BATCH, len(total) // _SHARE))])
-        chosen = chosen[total[chosen] > 0]
-        radiosity = state.power[chosen] / (tree.place[tree.patches[chosen], 7].astype(np.float64))[:, None]
-        gained, lost = _shoot(problem, problem.patches, chosen, rows, radiosity, labour)
-        state.whole = False
-        state.escaped = state.escaped + lost
-        state.forget(problem, chosen)
-        state.take_in(problem, gained, labour.threads)
-        _write(state, problem, len(chosen))
+        _write(state, problem, state.shoot_brightest(problem, rows, labour))
         yield state
 
 
