@@ -20,6 +20,11 @@ if jit.DISABLED:
         """Bits k of `count` (1 to 64) where ids[first + k] is ids[second + k]."""
         return np.uint64(sum(1 << k for k in range(count) if ids[first + k] == ids[second + k]))
 
+    def where_four_same(ids, first, pixels, count):
+        """Bits k of `count` (1 to 64) where all four ids[first + k + s * pixels] are the same."""
+        return where_same(ids, first, first + pixels, count) & where_same(ids, first, first + 2 * pixels, count) & where_same(
+            ids, first, first + 3 * pixels, count)  # fmt: skip
+
     def same_samples(ids, first, pixels, samples, s, same, at):
         """same[at + k] = the bits of the samples whose id at `first` + k is that of sample `s`, for `LANES` pixels; planes lie `pixels` apart."""
         for k in range(LANES):
@@ -66,27 +71,53 @@ else:
 
     _BITS = ir.IntType(LANES)
 
+    def _bits(builder, count, same_at):
+        """A word of the bits that `same_at(k)` gives for eight elements from k on, of `count` (1 to 64) elements."""
+        entry, loop, done = builder.block, builder.append_basic_block("bits"), builder.append_basic_block("bits_done")
+        builder.branch(loop)
+        builder.position_at_end(loop)
+        k, word = builder.phi(LONG), builder.phi(LONG)
+        k.add_incoming(ir.Constant(LONG, 0), entry)
+        word.add_incoming(ir.Constant(LONG, 0), entry)
+        more = builder.or_(word, builder.shl(builder.zext(builder.bitcast(same_at(k), _BITS), LONG), k))
+        following = builder.add(k, ir.Constant(LONG, LANES))
+        k.add_incoming(following, loop)
+        word.add_incoming(more, loop)
+        builder.cbranch(builder.icmp_signed("<", following, count), loop, done)
+        builder.position_at_end(done)
+        unused = builder.sub(ir.Constant(LONG, WORD), count)
+        return builder.lshr(builder.shl(more, unused), unused)
+
     @intrinsic
     def where_same(typingctx, ids, first, second, count):
         """Bits k of `count` (1 to 64) where ids[first + k] is ids[second + k]."""
 
         def codegen(context, builder, signature, arguments):
             data, (_, first, second, count) = array_data(context, builder, signature, arguments, 0), arguments
-            entry, loop, done = builder.block, builder.append_basic_block("bits"), builder.append_basic_block("bits_done")
-            builder.branch(loop)
-            builder.position_at_end(loop)
-            k, word = builder.phi(LONG), builder.phi(LONG)
-            k.add_incoming(ir.Constant(LONG, 0), entry)
-            word.add_incoming(ir.Constant(LONG, 0), entry)
-            same = builder.icmp_signed("==", load(builder, data, builder.add(first, k), VI), load(builder, data, builder.add(second, k), VI))
-            more = builder.or_(word, builder.shl(builder.zext(builder.bitcast(same, _BITS), LONG), k))
-            following = builder.add(k, ir.Constant(LONG, LANES))
-            k.add_incoming(following, loop)
-            word.add_incoming(more, loop)
-            builder.cbranch(builder.icmp_signed("<", following, count), loop, done)
-            builder.position_at_end(done)
-            unused = builder.sub(ir.Constant(LONG, WORD), count)
-            return builder.lshr(builder.shl(more, unused), unused)
+
+            def same_at(k):
+                return builder.icmp_signed("==", load(builder, data, builder.add(first, k), VI), load(builder, data, builder.add(second, k), VI))
+
+            return _bits(builder, count, same_at)
+
+        return types.uint64(ids, types.int64, types.int64, types.int64), codegen
+
+    @intrinsic
+    def where_four_same(typingctx, ids, first, pixels, count):
+        """Bits k of `count` (1 to 64) where all four ids[first + k + s * pixels] are the same."""
+
+        def codegen(context, builder, signature, arguments):
+            data, (_, first, pixels, count) = array_data(context, builder, signature, arguments, 0), arguments
+            planes = [builder.add(first, builder.mul(pixels, ir.Constant(LONG, s))) for s in range(4)]
+
+            def same_at(k):
+                mine, *others = (load(builder, data, builder.add(plane, k), VI) for plane in planes)
+                differ = ir.Constant(VI, [0] * LANES)
+                for other in others:
+                    differ = builder.or_(differ, builder.xor(mine, other))
+                return builder.icmp_signed("==", differ, ir.Constant(VI, [0] * LANES))
+
+            return _bits(builder, count, same_at)
 
         return types.uint64(ids, types.int64, types.int64, types.int64), codegen
 

@@ -17,7 +17,7 @@ from luxel.arrays import Array
 from luxel.jit import count_bits, lowest_bit
 from luxel.raster.channels import FRAGMENTS
 from luxel.raster.lanes import LANES, prefetch
-from luxel.raster.rows import WORD, same_of_four, same_samples, where_same
+from luxel.raster.rows import WORD, same_of_four, same_samples, where_four_same, where_same
 
 _F = np.float32
 
@@ -40,7 +40,6 @@ class Runs(NamedTuple):
         setup: int32, where its triangle is set up.
         mask: uint64, the samples that its fragments have.
         x, y: float32, place of its first fragment in pixels from the tile's corner; the others lie 1 apart.
-        edge: int32, scratch of `shade`: the pixels that several triangles share, once each.
     """
 
     head: Array
@@ -49,7 +48,36 @@ class Runs(NamedTuple):
     mask: Array
     x: Array
     y: Array
+
+
+class Shared(NamedTuple):
+    """The pixels of a batch that several triangles share; their fragments, one a triangle, follow those of whole pixels.
+
+    Attributes:
+        pixel, setup, mask, x, y: (FRAGMENTS,) each, of each fragment, as in `Runs`.
+        share: (FRAGMENTS,) float32, of each fragment: of the samples of its pixel.
+        edge: (FRAGMENTS,) int32, of each pixel: its number in the tile.
+        first: (FRAGMENTS + 1,) int32, of each pixel: its first fragment; the pixel after the last has the number of fragments.
+    """
+
+    pixel: Array
+    setup: Array
+    mask: Array
+    x: Array
+    y: Array
+    share: Array
     edge: Array
+    first: Array
+
+
+class Batch(NamedTuple):
+    """How much a batch holds: fragments, runs; of those, the ones of whole pixels; and pixels that triangles share."""
+
+    fragments: int
+    runs: int
+    whole_fragments: int
+    whole_runs: int
+    edges: int
 
 
 class Setups(NamedTuple):
@@ -133,8 +161,11 @@ def compare_samples(ids, first, width, samples, pixels, same):
     """In which of `width` pixels from element `first` on the samples differ; where any do, `same` says which are equal to which."""
     equal = ~np.uint64(0) >> np.uint64(WORD - width)
     differ = np.uint64(0)
-    for s in range(1, samples):
-        differ |= equal & ~where_same(ids, first, first + s * pixels, width)
+    if samples == 4:
+        differ = equal & ~where_four_same(ids, first, pixels, width)
+    else:
+        for s in range(1, samples):
+            differ |= equal & ~where_same(ids, first, first + s * pixels, width)
     group = 0
     while differ >> np.uint64(group) != np.uint64(0):
         if differ >> np.uint64(group) & np.uint64((1 << LANES) - 1) != np.uint64(0):
@@ -164,8 +195,17 @@ def mean_place(bits, mean, pattern):
 
 
 @jit.part
-def gather(r, setups, at, ids, samples_at, tile, wide, high, triangles):
-    """The runs of a tile from `at`, a Cursor, on, until a batch is full.
+def append(r, shared, batch):
+    """Append the fragments of shared pixels to the runs of whole ones, as runs of one, for those who make no difference."""
+    for j in range(np.uint64(0), np.uint64(batch.fragments - batch.whole_fragments)):
+        k = np.uint64(batch.whole_runs) + j
+        r.head[k] = np.uint64(batch.whole_fragments) + j
+        r.pixel[k], r.setup[k], r.mask[k], r.x[k], r.y[k] = shared.pixel[j], shared.setup[j], shared.mask[j], shared.x[j], shared.y[j]
+
+
+@jit.part
+def gather(r, shared, setups, at, ids, samples_at, tile, wide, high, triangles):
+    """The runs of a tile's whole pixels, and the pixels that triangles share, from `at`, a Cursor, on, until a batch is full.
 
     Args:
         ids: The tile's ids.
@@ -173,17 +213,17 @@ def gather(r, setups, at, ids, samples_at, tile, wide, high, triangles):
         tile, wide, high: Its side, and how much of it is in the picture.
 
     Returns:
-        (fragments, runs, Cursor); the tile is done when the plane is the last one's successor.
+        (Batch, Cursor); the tile is done when the plane is the last one's successor.
     """
     (count, plane, cursor), (pattern, every_sample) = at, samples_at
-    n, runs, samples, pixels = 0, 0, len(pattern), tile * tile
+    n, runs, many, edges, samples, pixels = 0, 0, 0, 0, len(pattern), tile * tile
     joint = samples > 1 and not every_sample
     most = samples if joint else 1  # fragments of a pixel
-    everything = ~np.uint64(0) >> np.uint64(WORD - samples)
+    everything, one = ~np.uint64(0) >> np.uint64(WORD - samples), _F(1.0) / _F(samples)
     planes = samples if every_sample else 1
     while plane < planes:
         x, y = cursor % tile, cursor // tile
-        width = min(min(WORD, wide - x), (FRAGMENTS - n) // most)
+        width = min(min(WORD, wide - x), (FRAGMENTS - n - many) // most)
         if width < min(LANES, wide - x):
             break
         first = plane * pixels + cursor
@@ -209,7 +249,7 @@ def gather(r, setups, at, ids, samples_at, tile, wide, high, triangles):
         while partial != np.uint64(0):
             begin = lowest_bit(partial)
             partial &= partial - np.uint64(1)
-            left = everything
+            left, before = everything, many
             while left != np.uint64(0):
                 s = lowest_bit(left)
                 bits = np.uint64(setups.same[np.uint64(s * WORD + begin)])
@@ -218,12 +258,17 @@ def gather(r, setups, at, ids, samples_at, tile, wide, high, triangles):
                 if t >= 0:
                     dx, dy = mean_place(bits, setups.mean, pattern)
                     setup, count = find(t, setups, count, triangles)
-                    add_run(r, runs, n, setup, cursor + begin, bits, _F(x + begin) + dx, _F(y) + dy)
-                    runs += 1
-                    n += 1
+                    k = np.uint64(many)
+                    shared.pixel[k], shared.setup[k], shared.mask[k] = cursor + begin, setup, bits
+                    shared.x[k], shared.y[k], shared.share[k] = _F(x + begin) + dx, _F(y) + dy, _F(count_bits(bits)) * one
+                    many += 1
+            shared.edge[np.uint64(edges)], shared.first[np.uint64(edges)] = cursor + begin, before
+            edges += many > before
         cursor += width
         if x + width >= wide:
             cursor += tile - wide
         if cursor >= tile * high:
             plane, cursor = plane + 1, 0
-    return n, runs, Cursor(count, plane, cursor)
+    shared.first[np.uint64(edges)] = many
+    r.head[np.uint64(runs)] = n
+    return Batch(n + many, runs + many, n, runs, edges), Cursor(count, plane, cursor)

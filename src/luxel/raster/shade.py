@@ -23,9 +23,9 @@ from luxel.raster.geometry import Geometry
 from luxel.raster.lanes import LANES, prefetch_to_write
 from luxel.raster.lighting import LightTable, light
 from luxel.raster.materials import MaterialTable
-from luxel.raster.plain import is_plain, shade_plainly
+from luxel.raster.plain import fill_normals, is_plain, shade_plainly
 from luxel.raster.rows import WORD, copy
-from luxel.raster.runs import MOST_SAMPLES, SETUPS, Cursor, Runs, Samples, Setups, gather, mean_places
+from luxel.raster.runs import MOST_SAMPLES, SETUPS, Cursor, Runs, Samples, Setups, Shared, append, gather, mean_places
 from luxel.raster.setup import SIZE as COVER_SIZE
 from luxel.raster.surface import surface
 
@@ -87,50 +87,38 @@ class Look(NamedTuple):
 
 
 @jit.part
-def write_opaque(g, r, runs, samples, tile, exposure, background, codes, color, top, left):
+def write_opaque(g, r, shared, batch, tile, exposure, background, codes, color, top, left):
     """Write opaque fragments straight to the picture, over the background where they have not all samples of their pixel; `codes`
     (FRAGMENTS + LANES,) uint32: the fragments encoded, and then scratch."""
-    log2 = lowest_bit(np.uint64(tile))
-    everything = ~np.uint64(0) >> np.uint64(64 - samples)
-    run, last = np.uint64(0), np.uint64(runs)
+    log2, run, last = lowest_bit(np.uint64(tile)), np.uint64(0), np.uint64(batch.whole_runs)
     while run < last:
-        if r.mask[run] != everything:
-            run += np.uint64(1)
-            continue
         first, pixel = np.int64(r.head[run]), np.int64(r.pixel[run])
         run += np.uint64(1)
         following = pixel + np.int64(r.head[run]) - first
-        while run < last and np.int64(r.pixel[run]) == following and following & (tile - 1) != 0 and r.mask[run] == everything:
+        while run < last and np.int64(r.pixel[run]) == following and following & (tile - 1) != 0:  # the next goes on in this row
             run += np.uint64(1)
             following = pixel + np.int64(r.head[run]) - first
         copy(color[np.uint64(top + (pixel >> log2))], left + (pixel & (tile - 1)), codes, first, following - pixel)
-    if samples > 1:
-        edges = sum_edges(g, r, runs, samples, everything)
-        lay_over(g, edges, exposure, background, codes)
-        for k in range(np.uint64(0), np.uint64(edges)):
-            pixel = np.int64(r.edge[k])
+    if batch.edges > 0:
+        sum_edges(g, shared, batch)
+        lay_over(g, batch.edges, exposure, background, codes)
+        for k in range(np.uint64(0), np.uint64(batch.edges)):
+            pixel = np.int64(shared.edge[k])
             color[np.uint64(top + (pixel >> log2)), np.uint64(left + (pixel & (tile - 1)))] = codes[k]
 
 
 @jit.part
-def sum_edges(g, r, runs, samples, everything):
-    """Sum the fragments of pixels that several triangles share, which follow each other, in place of light's scratch; `edge` gets the pixels.
-    Returns their number."""
-    edges, last = -1, np.int32(-1)
-    one = _F(1.0) / _F(samples)
-    for run in range(np.uint64(0), np.uint64(runs)):
-        mask = r.mask[run]
-        if mask != everything:
-            pixel, i, share = r.pixel[run], np.uint64(r.head[run]), _F(count_bits(mask)) * one
-            again = pixel == last
-            edges += 0 if again else 1
-            last, k = pixel, np.uint64(edges)
-            r.edge[k] = pixel
-            g[_ER + k] = g[_OR + i] * share + (g[_ER + k] if again else _F(0.0))
-            g[_EG + k] = g[_OG + i] * share + (g[_EG + k] if again else _F(0.0))
-            g[_EB + k] = g[_OB + i] * share + (g[_EB + k] if again else _F(0.0))
-            g[_LE + k] = share + (g[_LE + k] if again else _F(0.0))
-    return edges + 1
+def sum_edges(g, shared, batch):
+    """Sum the fragments of pixels that triangles share, by their shares, in place of light's scratch."""
+    for k in range(np.uint64(0), np.uint64(batch.edges)):
+        red, green, blue, alpha = _F(0.0), _F(0.0), _F(0.0), _F(0.0)
+        for j in range(np.uint64(shared.first[k]), np.uint64(shared.first[k + np.uint64(1)])):
+            share, i = shared.share[j], np.uint64(batch.whole_fragments) + j
+            red = g[_OR + i] * share + red
+            green = g[_OG + i] * share + green
+            blue = g[_OB + i] * share + blue
+            alpha = share + alpha
+        g[_ER + k], g[_EG + k], g[_EB + k], g[_LE + k] = red, green, blue, alpha
 
 
 @jit.part
@@ -248,7 +236,11 @@ def _shade(queue, tiles, occupied, all_ids, bins, all_samples, mean, all_drawn, 
     own_runs = Runs(
         head=np.empty(FRAGMENTS + 1, np.int32), pixel=np.empty(FRAGMENTS, np.int32), setup=np.empty(FRAGMENTS, np.int32),
         mask=np.empty(FRAGMENTS, np.uint64), x=np.empty(FRAGMENTS, np.float32), y=np.empty(FRAGMENTS, np.float32),
-        edge=np.empty(FRAGMENTS, np.int32),
+    )  # fmt: skip
+    own_shared = Shared(
+        pixel=np.empty(FRAGMENTS, np.int32), setup=np.empty(FRAGMENTS, np.int32), mask=np.empty(FRAGMENTS, np.uint64),
+        x=np.empty(FRAGMENTS, np.float32), y=np.empty(FRAGMENTS, np.float32), share=np.empty(FRAGMENTS, np.float32),
+        edge=np.empty(FRAGMENTS + 1, np.int32), first=np.empty(FRAGMENTS + 1, np.int32),
     )  # fmt: skip
     own_setups = Setups(
         triangle=np.empty(SETUPS, np.int32), material=np.empty(SETUPS, np.int32), stored=np.empty((SETUPS, STORED), np.float32),
@@ -257,7 +249,7 @@ def _shade(queue, tiles, occupied, all_ids, bins, all_samples, mean, all_drawn, 
     own_material = np.full(FRAGMENTS, geometry.part_material[0] if len(geometry.part_material) > 0 else 0, np.int32)
     g, sums, codes, r, setups = jit.borrow(own_g), jit.borrow(own_sums), jit.borrow(own_codes), jit.borrow(own_runs), jit.borrow(own_setups)
     here, depth, c = jit.borrow(own_ids), jit.borrow(own_depth), jit.borrow(own_c)
-    material, parts, tangents = jit.borrow(own_material), len(geometry.part_material), len(geometry.tangents) > 0
+    shared, material, parts, tangents = jit.borrow(own_shared), jit.borrow(own_material), len(geometry.part_material), len(geometry.tangents) > 0
     planes = samples if every_sample else 1
     to_samples = len(target.samples) > 0
     number, covered = first_tile + jit.take(queue), not cover
@@ -278,20 +270,24 @@ def _shade(queue, tiles, occupied, all_ids, bins, all_samples, mean, all_drawn, 
             at = Cursor(0, planes if empty else 0, 0)
             while at.plane < planes:
                 known = at.setups if at.setups + FRAGMENTS <= SETUPS else 0
-                n, runs, at = gather(r, setups, Cursor(known, at.plane, at.pixel), seen, samples_at, tile, wide, high, geometry.triangles)
+                batch, at = gather(r, shared, setups, Cursor(known, at.plane, at.pixel), seen, samples_at, tile, wide, high, geometry.triangles)
+                n, runs = batch.fragments, batch.runs
                 set_up(g, known, at.setups, setups, px, py, tile, drawn, features, rich)
-                attributes(g, r, runs, n, material, setups, parts, tangents, features, footprint, eye, rich)
                 if plain is not None:
-                    shade_plainly(g, n, material, parts, materials, lights, exposure, codes)
-                    write_opaque(g, r, runs, samples, tile, exposure, background, codes, target.color, top + py, left + px)
+                    fill_normals(g, r, shared, batch, material, setups, parts)
+                    shade_plainly(g, 0, batch.whole_fragments, material, parts, materials, lights, exposure, codes)
+                    shade_plainly(g, batch.whole_fragments, n, material, parts, materials, lights, exposure, None)
+                    write_opaque(g, r, shared, batch, tile, exposure, background, codes, target.color, top + py, left + px)
                 else:
+                    append(r, shared, batch)
+                    attributes(g, r, runs, n, material, setups, parts, tangents, features, footprint, eye, rich)
                     surface(g, material, n, materials, rich)
                     light(g, n, lights, rich)
                     if to_samples:
                         lay_over_samples(g, r, runs, samples, pixels, target.samples[slot])
                     elif direct:
                         encode(g, n, exposure, codes)
-                        write_opaque(g, r, runs, samples, tile, exposure, background, codes, target.color, top + py, left + px)
+                        write_opaque(g, r, shared, batch, tile, exposure, background, codes, target.color, top + py, left + px)
                     else:
                         add_to_pixels(g, r, runs, samples, pixels, sums)
             if not to_samples and not direct:
@@ -304,7 +300,7 @@ def _shade(queue, tiles, occupied, all_ids, bins, all_samples, mean, all_drawn, 
                        here, c, None)  # fmt: skip
             covered = True
     # The scratch must live until here: borrowing does not keep it.
-    own_g[0] = len(own_sums) + len(own_runs.head) + len(own_setups.table) + len(own_codes) + len(own_material) + len(own_ids) + len(own_depth)
+    own_g[0] = len(own_sums) + len(own_runs.head) + len(own_setups.table) + len(own_codes) + len(own_material) + len(own_ids) + len(own_depth) + len(own_shared.edge)
     own_c[0] = 0
 
 

@@ -120,7 +120,7 @@ def shade_fragment(v, t, x, y, px, py, everything, drawn, views, materials, shad
     triangle, material, zero, head = own.numbers[0:1], own.numbers[1:2], own.numbers[2:3], own.numbers[2:4]
     setups = Setups(triangle, material, own.stored, triangle, own.sources, triangle, shading.mean)
     set_up(own.g, 0, 1, setups, px, py, shading.tile, drawn, shading.features, rich)
-    runs = Runs(head, zero, zero, zero, own.place[0:1], own.place[1:2], zero)
+    runs = Runs(head, zero, zero, zero, own.place[0:1], own.place[1:2])
     eye = eye_of(v, views)
     has_tangents = len(drawn.geometry.tangents) > 0
     attributes(own.g, runs, 1, 1, material, setups, parts, has_tangents, shading.features, shading.footprint, eye, rich)
