@@ -89,7 +89,7 @@ def measure(name: str, scene: luxel.Scene, camera: luxel.Camera, samples: int, p
 
     stages: list[dict[str, float]] = []
     jobs = [partial(draw, options.threads), partial(draw, 1), *([peer.draw] if peer else [])]
-    times = [median(taken) for taken in alternating(options.repeats, *jobs)]
+    times = [median(taken) for taken in alternating(options.repeats, *jobs, before=1)]
     by_stage = {stage: median([seconds.get(stage, 0.0) for seconds in stages[1:]]) for stage in STAGES}
     apart = _apart(pictures[0].color, peer.picture()) if peer else None
     return Case(name, scene.triangle_count, samples, times[1], times[0], times[2] if peer else None, by_stage, apart)

@@ -21,13 +21,18 @@ def median(values: Sequence[float]) -> float:
     return statistics.median(values)
 
 
-def alternating(repeats: int, *jobs: Callable[[], object]) -> list[list[float]]:
-    """Seconds of each job, run in turns, so that whatever else the machine does falls on all of them alike; one turn before is not counted."""
+def alternating(repeats: int, *jobs: Callable[[], object], before: int = 0) -> list[list[float]]:
+    """Seconds of each job, run in turns, so that whatever else the machine does falls on all of them alike; one turn before is not counted.
+
+    `before`: how often a job is run in its turn before it is timed, so that it finds its own data in the caches, not another job's.
+    """
     for job in jobs:
         job()
     times: list[list[float]] = [[] for _ in jobs]
     for _ in range(repeats):
         for job, taken in zip(jobs, times, strict=True):
+            for _ in range(before):
+                job()
             start = time.perf_counter()
             job()
             taken.append(time.perf_counter() - start)

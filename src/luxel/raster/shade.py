@@ -221,8 +221,28 @@ def ask_for(color, first, wide, high):
             prefetch_to_write(color, first + y * color.shape[1] + x)
 
 
+class Ends(NamedTuple):
+    """Counters (1,) int64 each: threads that have come; tiles taken from the front and from the back."""
+
+    threads: Array
+    front: Array
+    back: Array
+
+
+@jit.inlined
+def next_tile(queue, ends, from_front, first, last):
+    """The next tile for a thread, of first .. last - 1; `last` if there is none left.
+
+    Half of the threads begin at one end and half at the other, and they meet in the middle: so the tiles of a thread are neighbours, which share
+    triangles, and in the next frame the same memory is written by the same core, whose cache has it.
+    """
+    if first + jit.take(queue) >= last:
+        return last
+    return first + jit.take(ends.front) if from_front else last - 1 - jit.take(ends.back)
+
+
 @jit.parallel_kernel
-def _shade(queue, tiles, occupied, all_ids, bins, all_samples, mean, all_drawn, look, rich, footprint, target, direct, plain):
+def _shade(queue, ends, tiles, occupied, all_ids, bins, all_samples, mean, all_drawn, look, rich, footprint, target, direct, plain):
     ids, samples_at, drawn, target = jit.borrow(all_ids), jit.borrow(all_samples), jit.borrow(all_drawn), jit.borrow(target)
     start, bin_ids = jit.borrow(bins)
     materials, lights, eye, features, exposure, background = jit.borrow(look)
@@ -252,7 +272,8 @@ def _shade(queue, tiles, occupied, all_ids, bins, all_samples, mean, all_drawn, 
     shared, material, parts, tangents = jit.borrow(own_shared), jit.borrow(own_material), len(geometry.part_material), len(geometry.tangents) > 0
     planes = samples if every_sample else 1
     to_samples = len(target.samples) > 0
-    number, covered = first_tile + jit.take(queue), not cover
+    from_front = jit.take(ends.threads) % 2 == 0
+    number, covered = next_tile(queue, ends, from_front, first_tile, last_tile), not cover
     while number < last_tile:
         slot = number - first_tile
         px, py = (number % across) * tile, (number // across) * tile
@@ -292,7 +313,7 @@ def _shade(queue, tiles, occupied, all_ids, bins, all_samples, mean, all_drawn, 
                         add_to_pixels(g, r, runs, samples, pixels, sums)
             if not to_samples and not direct:
                 write_tile(sums, empty, tile, left + px, top + py, wide, high, exposure, background, target.color, target.linear)
-            number, covered = first_tile + jit.take(queue), not cover
+            number, covered = next_tile(queue, ends, from_front, first_tile, last_tile), not cover
         else:  # down here, so that it is compiled last, when another process has (see `warm`)
             if direct:
                 ask_for(target.color, (top + py) * target.color.shape[1] + left + px, wide, high)
@@ -322,7 +343,8 @@ def shade(tiles: Tiles, occupied: Array, ids: Array, samples: Samples, drawn: Dr
     rich = True if look.materials.rich else None
     direct = not ((samples.every and len(samples.pattern) > 1) or target.samples.size or target.linear.size)  # all is opaque: no sums are needed
     plain = True if direct and is_plain(drawn.geometry, look.materials, look.lights, look.features) else None
-    jit.run(_shade, min(threads, tiles.last - tiles.first), tiles, occupied, ids, lists, samples, mean_places(samples.pattern), drawn, look, rich,
+    ends = Ends(*(np.zeros(1, np.int64) for _ in Ends._fields))
+    jit.run(_shade, min(threads, tiles.last - tiles.first), ends, tiles, occupied, ids, lists, samples, mean_places(samples.pattern), drawn, look, rich,
             footprint, target, direct, plain)  # fmt: skip
 
 
