@@ -21,7 +21,7 @@ from luxel.arrays import Array
 from luxel.jit import bits_float
 from luxel.raster.bin import Bins, Clipped
 from luxel.raster.constants import NOTHING
-from luxel.raster.joint import TOGETHER, WIDEST, draw_four
+from luxel.raster.joint import COLUMNS, TOGETHER, WIDEST, draw_four
 from luxel.raster.lanes import LANES, draw_inside, draw_span
 from luxel.raster.setup import (
     A0,
@@ -144,7 +144,7 @@ def cover_tile(number, start, bin_ids, across, tile, width, height, triangles, s
     while begin < end:
         n = min(BATCH, end - begin)
         load_batch(begin, begin + n, px, py, bin_ids, triangles, screen, clipped_screen, c)
-        joint = samples - samples % TOGETHER if counting is None else 0
+        joint = samples - samples % TOGETHER if counting is None and tile <= COLUMNS * LANES else 0
         set_up_batch(n, c, _I(WIDEST << 8) if joint > 0 else _I(SMALL << 8))
         for s in range(0, joint, TOGETHER):
             place_four(n, pattern, s, tile, wide, high, c)

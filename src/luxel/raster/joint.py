@@ -39,8 +39,11 @@ from luxel.raster.setup import (
 TOGETHER = 4
 """Samples."""
 
-WIDEST = 8 * LANES - 8
-"""Pixels; triangles no wider and no higher are drawn so: wherever they begin, they lie in eight groups, and their edge functions fit int32."""
+COLUMNS = LANES
+"""Groups of eight pixels; tiles that are no wider are drawn so."""
+
+WIDEST = 96
+"""Pixels; triangles no wider and no higher are drawn so: their edge functions near such a tile fit int32."""
 
 if jit.DISABLED:
     import numpy as np

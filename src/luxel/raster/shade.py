@@ -214,6 +214,24 @@ def write_tile(sums, empty, tile, px, py, wide, high, exposure, background, colo
 
 
 @jit.part
+def background_code(background):
+    """A pixel of nothing but the background."""
+    alpha = background[3]
+    inverse = _F(1.0) / max(alpha, _F(1e-30))
+    red, green, blue = srgb_code(background[0] * inverse), srgb_code(background[1] * inverse), srgb_code(background[2] * inverse)
+    return pack(red, green, blue, unit_code(alpha))
+
+
+@jit.part
+def clear_tile(color, top, left, wide, high, code):
+    """Write `code` to the pixels of a tile."""
+    for y in range(np.uint64(top), np.uint64(top + high)):
+        row = color[y]
+        for x in range(np.uint64(left), np.uint64(left + wide)):
+            row[x] = code
+
+
+@jit.part
 def ask_for(color, first, wide, high):
     """Ask for the pixels of a tile, from element `first` of the picture on, ahead of writing them."""
     for y in range(high):
@@ -270,7 +288,7 @@ def _shade(queue, ends, tiles, occupied, all_ids, bins, all_samples, mean, all_d
     g, sums, codes, r, setups = jit.borrow(own_g), jit.borrow(own_sums), jit.borrow(own_codes), jit.borrow(own_runs), jit.borrow(own_setups)
     here, depth, c = jit.borrow(own_ids), jit.borrow(own_depth), jit.borrow(own_c)
     shared, material, parts, tangents = jit.borrow(own_shared), jit.borrow(own_material), len(geometry.part_material), len(geometry.tangents) > 0
-    planes = samples if every_sample else 1
+    planes, nothing = samples if every_sample else 1, background_code(background)
     to_samples = len(target.samples) > 0
     from_front = jit.take(ends.threads) % 2 == 0
     number, covered = next_tile(queue, ends, from_front, first_tile, last_tile), not cover
@@ -281,13 +299,10 @@ def _shade(queue, ends, tiles, occupied, all_ids, bins, all_samples, mean, all_d
         empty = occupied[number] == 0
         if covered or empty:
             seen = here if cover else ids[slot]
-            if empty or direct:
-                for plane in range(4):
-                    sums[plane * pixels : plane * pixels + wide] = _F(0.0)
+            if direct:
+                clear_tile(target.color, top + py, left + px, wide, high, nothing)
             else:
                 sums[:] = _F(0.0)
-            if direct:
-                write_tile(sums, True, tile, left + px, top + py, wide, high, exposure, background, target.color, target.linear)
             at = Cursor(0, planes if empty else 0, 0)
             while at.plane < planes:
                 known = at.setups if at.setups + FRAGMENTS <= SETUPS else 0
@@ -311,7 +326,7 @@ def _shade(queue, ends, tiles, occupied, all_ids, bins, all_samples, mean, all_d
                         write_opaque(g, r, shared, batch, tile, exposure, background, codes, target.color, top + py, left + px)
                     else:
                         add_to_pixels(g, r, runs, samples, pixels, sums)
-            if not to_samples and not direct:
+            if plain is None and not to_samples and not direct:
                 write_tile(sums, empty, tile, left + px, top + py, wide, high, exposure, background, target.color, target.linear)
             number, covered = next_tile(queue, ends, from_front, first_tile, last_tile), not cover
         else:  # down here, so that it is compiled last, when another process has (see `warm`)
