@@ -18,9 +18,11 @@ from luxel.cluster import units as units_of
 from luxel.cluster.agree import agree
 from luxel.cluster.comm import Comm, world
 from luxel.cluster.composite import COMPOSITIONS, clear, composite, regions
+from luxel.cluster.plan import BALANCES
 from luxel.cluster.render import Renderer
 from luxel.errors import LuxelWarning
 from luxel.scene.builtin import bumpy_sphere
+from luxel.scene.framing import camera_for
 
 ALL = ("color", "linear", "depth", "triangle", "object", "material", "normal", "position", "barycentric", "texcoord", "motion")
 WAYS = [("screen", "swap", "dynamic"), ("screen", "swap", "static"), ("objects", "direct", "dynamic"), ("objects", "swap", "dynamic"),
@@ -54,7 +56,7 @@ def against_one(comm: Comm, scene: Scene, camera: object, size: tuple[int, int],
                 same(mine, one, (way, size, options))
 
 
-def modes(comm: Comm) -> None:
+def modes(comm: Comm, *_: str) -> None:
     """Masked, blended, textured, metallic, mirrored: near enough to be clipped, too."""
     for camera in (around(), around(1.0, 1.5, near=0.05)):
         against_one(comm, room(), camera, (97, 81), WAYS, samples=8, tile=16, outputs=ALL, previous_camera=around(0.4), background=(0.1, 0.2, 0.3))
@@ -62,7 +64,7 @@ def modes(comm: Comm) -> None:
     against_one(comm, room(2), around(), (90, 60), WAYS[4:], tile=16, samples=2, filter="tent", outputs=("linear", "normal", "object"))
 
 
-def samplings(comm: Comm) -> None:
+def samplings(comm: Comm, *_: str) -> None:
     """Opaque scenes go straight to pixels; filters reach beyond tiles; supersampling shades every sample."""
     scene = random_scene(1500)
     for options in ({}, {"samples": 8}, {"ssaa": 2}, {"samples": 4, "filter": "mitchell"}, {"ssaa": 2, "filter": "lowpass"}):
@@ -74,7 +76,19 @@ def samplings(comm: Comm) -> None:
             same(mine, luxel.render(scene, around(), (64, 48), samples=2, tile=16, shading=shading), shading)
 
 
-def few(comm: Comm) -> None:
+def matrix(comm: Comm, *models: str) -> None:
+    """Every division and composition, with one sample a pixel and with eight: a random scene, one with blended and masked materials, real models."""
+    ways = [("screen", "swap", balance) for balance in BALANCES] + [(divide, way, "dynamic") for divide in ("objects", "both") for way in COMPOSITIONS]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LuxelWarning)
+        scenes = [(random_scene(600, 3), around(0.7)), (room(), around()), *((luxel.load(path), None) for path in models)]
+    for scene, camera in scenes:
+        view = camera or comm.share(camera_for(scene, (112, 80)))
+        for samples in (1, 8):
+            against_one(comm, scene, view, (112, 80), ways, samples=samples, tile=16, outputs=("color", "depth", "triangle"))
+
+
+def few(comm: Comm, *_: str) -> None:
     """More ranks than triangles, than tiles, than anything."""
     for count in (0, 1, 3):
         scene = Scene.from_mesh(Mesh(np.random.default_rng(1).normal(size=(3 * count, 3)), np.arange(3 * count).reshape(-1, 3)))
@@ -82,7 +96,7 @@ def few(comm: Comm) -> None:
             against_one(comm, scene, around(), size, WAYS, tile=8, samples=2, outputs=("color", "triangle"))
 
 
-def windows(comm: Comm) -> None:
+def windows(comm: Comm, *_: str) -> None:
     """Pictures of several windows and bands, as very large ones are."""
     from luxel.raster import frame
 
@@ -159,7 +173,7 @@ def streamed(comm: Comm, folder: str) -> None:
                     same(mine, luxel.render(path, camera, (160, 90), samples=2, outputs=ALL, threads=1), (name, divide, camera))
 
 
-def compositions(comm: Comm) -> None:
+def compositions(comm: Comm, *_: str) -> None:
     """Random visibility, full of ties, against the nearest and then lowest of all ranks; and what is sent against N b (1 - 1 / P)."""
     tiles, samples = 13, 50
     for composition in COMPOSITIONS:
@@ -191,7 +205,7 @@ def compositions(comm: Comm) -> None:
     assert (ids < 0).all()
 
 
-def learning(comm: Comm) -> None:
+def learning(comm: Comm, *_: str) -> None:
     """All of it in one corner: parts of equal cost are of unequal size, and the ranks know them alike."""
     mesh = bumpy_sphere(60)
     scene = Scene.from_mesh(Mesh(mesh.positions * 0.2 + np.float32([1.5, 1.0, 0]), mesh.triangles, mesh.normals))

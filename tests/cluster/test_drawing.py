@@ -22,14 +22,17 @@ from luxel.cluster.slices import sliced
 from luxel.cluster.sort_first import boxes
 from luxel.scene.builtin import bumpy_sphere
 
+MESHES = Path(os.environ.get("LUXEL_MESHES", Path(__file__).resolve().parents[3] / "shared" / "meshes"))
 DRAWING = Path(__file__).with_name("drawing.py")
 
 
 @needs_mpi
 @pytest.mark.parametrize("ranks", [1, 2, 3, 4, 5, 7])
 def test_pictures_are_those_of_one_process(ranks):
+    """Real models among them, where there are some."""
     more = {2: ",samplings", 3: ",few,windows", 4: ",samplings,learning", 7: ",few"}
-    done = mpi(ranks, DRAWING, "modes,compositions" + more.get(ranks, ""), timeout=240)
+    models = [path for name in ("fandisk.obj", "teapot.obj") if (path := MESHES / name).exists()]
+    done = mpi(ranks, DRAWING, "modes,compositions,matrix" + more.get(ranks, ""), *models, timeout=240)
     assert done.returncode == 0, done.stderr
     assert f"{ranks} ranks agree" in done.stdout
 
@@ -43,7 +46,7 @@ def test_files_in_parts(tmp_path, meshes):
     (tmp_path / "long.ply").write_bytes(ply_with(long))
     for name in ("horse.ply", "fandisk.obj"):
         (tmp_path / name).symlink_to(meshes / name)
-    for ranks, what in ((2, "files,streamed,units"), (3, "streamed,units"), (5, "files")):
+    for ranks, what in ((1, "files"), (2, "files,streamed,units"), (3, "files,units"), (4, "streamed"), (5, "files,units"), (7, "streamed,files")):
         done = mpi(ranks, DRAWING, what, tmp_path)
         assert done.returncode == 0, done.stderr
 
