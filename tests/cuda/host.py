@@ -1,6 +1,8 @@
 """A stand-in for the GPU: the same threads, compiled for the processor and run one after the other. What it leaves out are the grids themselves
 (`luxel.cuda.kernels`), which the simulator runs, and the compiler for the GPU."""
 
+import weakref
+
 import loops
 import needs_numba_cuda  # noqa: F401 - before what it may skip
 import numpy as np
@@ -14,7 +16,7 @@ class Host:
     name, kernels = "host", loops
 
     def __init__(self, memory=1 << 32):
-        self.memory = memory
+        self.memory, self.held, self.peak = memory, 0, 0  # bytes, and the most that arrays have had at a time
 
     def free_memory(self):
         return self.memory
@@ -23,8 +25,19 @@ class Host:
         if size > self.memory:
             raise DeviceError(f"{what} needs {size}")
 
+    def _counted(self, array):
+        def gone(size=array.nbytes):
+            self.held -= size
+
+        self.held += array.nbytes
+        self.peak = max(self.peak, self.held)
+        weakref.finalize(array, gone)
+        return array
+
     def array(self, host):
-        return np.ascontiguousarray(host).copy()
+        there = self.empty(host.shape, host.dtype)
+        there[...] = host
+        return there
 
     def copied(self, arrays):
         if isinstance(arrays, np.ndarray):
@@ -32,7 +45,7 @@ class Host:
         return type(arrays)(*map(self.copied, arrays)) if isinstance(arrays, tuple) else arrays
 
     def empty(self, shape, dtype):
-        array = np.empty(shape, dtype)
+        array = self._counted(np.empty(shape, dtype))
         array.reshape(-1).view(np.uint8)[:] = 0xAB  # what is read before it is written shows
         return array
 

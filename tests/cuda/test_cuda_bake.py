@@ -1,5 +1,7 @@
 """Baking on a GPU gives the processor's light; the threads are run by the processor too, where there is no GPU."""
 
+from itertools import pairwise
+from types import SimpleNamespace
 from typing import ClassVar
 
 import numpy as np
@@ -7,9 +9,12 @@ import pytest
 from host import Host
 
 import luxel
-from luxel.cuda import device, door
+from luxel.cuda import device, door, memory
 from luxel.cuda import labour as gpu_labour
 from luxel.cuda.labour import GpuLabour
+from luxel.cuda.shooter import _rounds
+from luxel.cuda.threads.choose import Batch
+from luxel.cuda.threads.settle import PARTS, SUMS
 from luxel.errors import DeviceError, InputError, LuxelWarning
 from luxel.radiosity.bake import bake
 from luxel.radiosity.elements import Quality
@@ -242,6 +247,95 @@ def test_too_little_memory(monkeypatch):
     with pytest.warns(LuxelWarning, match="device auto: baking on the processor: a bake of"):
         baked = bake(box(), quality="draft", density=4, device="auto")
     np.testing.assert_array_equal(baked.irradiance, bake(box(), quality="draft", density=4).irradiance)
+
+
+@pytest.mark.parametrize(
+    ("quality", "options"),
+    [("draft", {}), ("final", {"sky": 0.5}), ("progressive", {}), ("draft", {"transport": True}), (Quality(16, 512, 0, 512, 16), {"sky": 0.5})],
+)
+def test_memory_is_counted_before(monkeypatch, quality, options):
+    """All of it, and not much more: with what was counted the bake goes through, and with a byte less it does not begin."""
+    counted, hosts = [], []
+
+    def needed(*given):
+        counted.append(memory.needed(*given))
+        return counted[-1]
+
+    def host(size):
+        hosts.append(Host(size))
+        return labour_on(hosts[-1])
+
+    monkeypatch.setattr(gpu_labour, "memory", SimpleNamespace(needed=needed, RAYS_AT_ONCE=memory.RAYS_AT_ONCE))
+    monkeypatch.setattr(memory, "OWN", 0)
+    for size in (1 << 40, None, None):
+        limit = size or counted[0] - len(hosts) + 1
+        monkeypatch.setattr("luxel.radiosity.bake.labour_of", lambda *_, limit=limit: host(limit))
+        if len(hosts) < 2:
+            bake(box(), quality=quality, density=12, **options)
+            assert hosts[-1].peak <= counted[0] <= 1.6 * hosts[-1].peak
+        else:
+            with pytest.raises(DeviceError, match="a bake of"):
+                bake(box(), quality=quality, density=12, **options)
+
+
+@pytest.mark.parametrize(("patches", "most"), [(1, 1), (7, 1), (40, 2), (511, 31), (513, 32), (5000, 128), (70000, 128)])
+def test_the_brightest(gpu, patches, most):
+    """In one round or more; equally bright ones by number, and none that is dark."""
+    kernels, rng = labour_on(gpu).kernels, np.random.default_rng(patches)
+    power = rng.choice([0.0, 0.25, 1.0, 7.0], (patches, 3)) * rng.choice([0, 1], (patches, 1), p=[0.2, 0.8])
+    power[:patches // 2] *= rng.uniform(0, 1, (patches // 2, 1))
+    counts = _rounds(patches, most)
+    assert counts[-1] == most
+    bright, candidates = gpu.empty((patches,), np.float64), gpu.empty((patches,), np.int32)
+    gpu.launch(kernels.find_bright, (patches, 1), gpu.array(power), bright, candidates)
+    for count in counts:
+        winners = gpu.empty((count,), np.int32)
+        gpu.launch(kernels.clear_winners, (count, 1), winners)
+        gpu.launch(kernels.pick, (len(candidates), 1), bright, candidates, most, winners)
+        candidates = winners
+    kinds = ((most,), np.int32), ((most,), np.int64), ((most, 3), np.float32), ((most, 3), np.float64)
+    batch = Batch(*(gpu.empty(*kind) for kind in kinds))
+    gpu.launch(kernels.line_up, (most, 1), candidates, batch)
+    total = power.sum(1)
+    wanted = np.sort(np.argsort(-total, kind="stable")[:most])
+    wanted = wanted[total[wanted] > 0]
+    chosen = gpu.host(batch.chosen)
+    np.testing.assert_array_equal(chosen[: len(wanted)], wanted)
+    assert (chosen[len(wanted) :] == -1).all()
+
+
+def test_rows_that_are_not_kept_are_filled_again(on, monkeypatch):
+    """Of a bake whose rows do not all fit."""
+    monkeypatch.setattr("luxel.radiosity.bake._ROW_BYTES", 1 << 18)
+    options = {"quality": Quality(2, 16, 0, 0, 0, tolerance=0.01, patch=24, resolution=32), "density": 10}
+    assert_same_light(bake(box(), **options), on(box(), **options))
+
+
+def test_nothing_is_copied_for_a_shot_but_sums(monkeypatch):
+    """What the processor hears of a batch of shots, and what it sends, does not depend on the scene."""
+    heard, sent, seen = [], [], []
+
+    class Ears(Host):
+        def host(self, array):
+            heard.append(array.nbytes)
+            return super().host(array)
+
+        def array(self, host):
+            sent.append(host.nbytes)
+            return super().array(host)
+
+    class Spied(GpuLabour):
+        def state(self, problem, state):
+            seen.append(super().state(problem, state))
+            return seen[0]
+
+    monkeypatch.setattr("luxel.radiosity.bake.labour_of", lambda *_: Spied(Ears(), 1, kernels=labour_on(Ears()).kernels))
+    marks = []
+    bake(box(), quality="progressive", density=8, progress=lambda *_: marks.append((len(heard), len(sent))))
+    assert len(marks) > 4
+    for (before, sent_before), (after, sent_after) in pairwise(marks[2:]):
+        assert heard[before:after] == [8 * SUMS * PARTS]
+        assert sent_after == sent_before
 
 
 def test_ranks_do_not_share_a_gpu():

@@ -51,6 +51,15 @@ def test_darkness(gpu, transport):
     assert not theirs.any()
 
 
+def test_memory_is_counted_before(transport, monkeypatch):
+    """All of it, and not much more."""
+    counted, host = [], Host(1 << 40)
+    monkeypatch.setattr(host, "expect", lambda size, *_: counted.append(size))
+    there = solver(host, transport)
+    both(there, transport, transport.emission, transport.albedo, 1.0, 1e-3)
+    assert host.peak <= counted[0] <= 1.2 * host.peak + (1 << 20)
+
+
 def test_too_little_memory(transport):
     with pytest.raises(DeviceError, match="the transport"):
         ResidentTransport(Host(memory=1000), transport)

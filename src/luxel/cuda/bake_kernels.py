@@ -1,4 +1,5 @@
-"""The grids of `luxel.cuda.threads.look`, `shoot` and `settle`: one thread a ray, an element, a pixel, an entry of a row, or a share of a sum."""
+"""The grids of `luxel.cuda.threads.look`, `shoot`, `settle` and `choose`: one thread a ray, an element, a pixel,
+an entry of a row, or a share of a sum."""
 
 from __future__ import annotations
 
@@ -10,6 +11,7 @@ import numpy as np
 from luxel.cuda.door import cuda, kernel
 from luxel.cuda.grids import kernels
 from luxel.cuda.primitives import again
+from luxel.cuda.threads import choose as choose_source
 from luxel.cuda.threads import look as look_source
 from luxel.cuda.threads import settle as settle_source
 from luxel.cuda.threads import shoot as shoot_source
@@ -17,15 +19,17 @@ from luxel.cuda.threads import shoot as shoot_source
 
 def bodies(again: Callable[[str], Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     """What a thread does in kernels that need no memory of their own: lines and grids, as `luxel.cuda.grids.kernels` has them."""
-    look, settle, shoot = (again(module.__name__) for module in (look_source, settle_source, shoot_source))
+    look, settle, shoot, choose = (again(module.__name__) for module in (look_source, settle_source, shoot_source, choose_source))
     lines = {
         "count_away": look.count_away, "gather_mean": look.gather_mean, "find_cells": look.find_cells, "shine": look.shine,
         "receive_rows": shoot.receive, "send_unshot": settle.send, "share_sent": settle.share_sent, "find_scale": settle.find_scale,
         "take_in": settle.take_in, "note_direct": settle.note_direct, "forget": settle.forget, "share_stock": settle.share_stock,
+        "find_bright": choose.find_bright, "clear_winners": choose.clear_winner, "pick": choose.pick, "line_up": choose.line_up,
+        "place_rows": choose.place_rows, "aim_shooters": choose.aim_shooter, "settle_rows": choose.settle_row, "sum_shots": choose.sum_shots,
     }  # fmt: skip
     grids = {
-        "read_cubes": shoot.read_pixel, "find_escapes": shoot.find_escape, "sum_rows": shoot.sum_block, "add_up": settle.add_up,
-        "take_stock": settle.take_stock,
+        "clear_cubes": shoot.clear_pixel, "read_cubes": shoot.read_pixel, "find_escapes": shoot.find_escape, "sum_rows": shoot.sum_block,
+        "add_up": settle.add_up, "take_stock": settle.take_stock, "share_rows": choose.share_row,
     }  # fmt: skip
     return lines, grids
 

@@ -1,4 +1,4 @@
-"""Baking on a GPU: what stands for `luxel.radiosity.labour.Labour` there, and for the state of a solve.
+"""Baking on a GPU: what stands for `luxel.radiosity.labour.Labour` there.
 
 What a bake asks of many items is done by kernels (`luxel.cuda.bake_kernels`) on arrays that are copied to the GPU once and stay there: what hides,
 the elements, what their rays meet, rows, light received and to shoot. The order of steps, when to stop, the ledger and checkpoints are the
@@ -9,16 +9,14 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from dataclasses import fields
 from typing import Any
 
 import numpy as np
 
 from luxel.arrays import Array
+from luxel.cuda import memory
 from luxel.cuda.device import find
-from luxel.cuda.threads.draw import EMPTY
 from luxel.cuda.threads.look import TOGETHER, Eyes, Sky
-from luxel.cuda.threads.settle import ABSORBED, GONE, GOT, HERE, PARTS, POWER, SENT, SUMS
 from luxel.cuda.threads.shoot import Cubes, Receivers, Shots
 from luxel.errors import DeviceError, LuxelWarning
 from luxel.radiosity.direct import AT
@@ -29,14 +27,11 @@ from luxel.radiosity.hemicube import FACES, GUARD, delta_form_factors, frames_of
 from luxel.radiosity.labour import Drawn, Labour
 from luxel.radiosity.patches import Tree
 from luxel.radiosity.sky import COARSE, FINE, cells, shrunk
-from luxel.radiosity.solve import BATCH, Problem, State, balance, patch_starts
-from luxel.radiosity.transport import BLOCK, Elements, Occluders, Shooters, Visibility
+from luxel.radiosity.solve import Problem, State
+from luxel.radiosity.transport import Elements, Occluders, Shooters, Visibility
 
 _F = np.float32
-_RAYS_AT_ONCE = 1 << 26  # of one launch: after each, progress is told, and Ctrl-C heard
 _FEW_TRIANGLES = 1 << 14  # up to so many are drawn by a warp each, more by a thread each
-_SHARES, _EACH = 8192, 16  # most threads that share a sum, and how much each has at least
-_ELEMENT_BYTES = 320  # beside what its rays meet and its entries in rows
 
 
 def labour_on(device: str, threads: int) -> Labour:
@@ -68,13 +63,11 @@ class GpuLabour(Labour):
         self._sent: dict[Any, tuple[Array, Any]] = {}
         self._eyes: tuple[View, Eyes] | None = None
 
-    def fitting(self, problem: Problem, rays: int) -> Labour:
-        """This, if a solve fits in the GPU's memory; else a DeviceError, or the processor."""
-        n, size = problem.elements.numbers.shape[1], max(source.resolution for source in (problem.lights, problem.patches) if source)
-        scene = sum(array.nbytes for array in (*problem.rays.scene, *problem.occluders[:4]))
-        needed = n * (4 * rays + 2 * BATCH + _ELEMENT_BYTES) + scene + 16 * BATCH * FACES * size**2
+    def fitting(self, problem: Problem, view: View, rays: tuple[int, int], rows: tuple[int, int]) -> Labour:
+        """This, if a bake fits in the GPU's memory; else a DeviceError, or the processor."""
+        n = view.numbers.shape[1]
         try:
-            self.gpu.expect(needed, f"a bake of {n} elements", "fewer luxels or a lower quality")
+            self.gpu.expect(memory.needed(problem, view, rays, rows), f"a bake of {n} elements", "fewer luxels or a lower quality")
         except DeviceError as error:
             if not self.fallback:
                 raise
@@ -96,6 +89,8 @@ class GpuLabour(Labour):
 
     def state(self, problem: Problem, state: State) -> State:
         """The state on the GPU."""
+        from luxel.cuda.state import GpuState
+
         return GpuState(self, problem, state)
 
     def empty(self, shape: tuple[int, ...], dtype: Any) -> Any:
@@ -106,32 +101,44 @@ class GpuLabour(Labour):
         """A copy of one."""
         return np.ascontiguousarray(self.gpu.host(kept))
 
+    def cubes(self, occluders: Occluders, resolution: int, near: float, centers: Any, frames: Any, wanted: Any) -> Cubes:
+        """Hemicubes to be drawn, of shooters whose centres and frames are on the GPU."""
+        gpu, s, pixels, o = self.gpu, len(centers), FACES * resolution**2, self.there(occluders[:4])
+        keys, depth, ids = gpu.empty((s, pixels), np.uint64), gpu.empty((s * pixels,), _F), gpu.empty((s * pixels,), np.int32)
+        return Cubes(o[0], o[1], o[2], o[3], centers, frames, self.there(_GUARD), resolution, _F(near), wanted, keys, depth, ids)
+
+    def draw(self, cubes: Cubes, escapes: Any) -> None:
+        """Draw hemicubes, and tell in `escapes` (s, 2), of zeros, whether light of theirs meets nothing, or a back."""
+        launch, k, (s, pixels), triangles = self.gpu.launch, self.kernels, cubes.keys.shape, len(cubes.triangles)
+        lanes = 32 if triangles <= _FEW_TRIANGLES else 1
+        launch(k.clear_cubes, (pixels, s), cubes)
+        launch(k.draw_cubes, (triangles * lanes, s), lanes, cubes)
+        launch(k.read_cubes, (pixels, s), cubes)
+        launch(k.find_escapes, (pixels, s), cubes, self.there(delta_form_factors(cubes.resolution).reshape(-1)), escapes)
+
     def see(self, occluders: Occluders, who: Shooters, resolution: int, near: float) -> Drawn:
         """What shooters see, as `Cubes`."""
-        gpu, k, s, pixels, o = self.gpu, self.kernels, len(who.node), FACES * resolution**2, self.there(occluders[:4])
-        guard, deltas = self.there(_GUARD), self.there(delta_form_factors(resolution).reshape(-1))
-        keys, depth, ids = gpu.empty((s, pixels), np.uint64), gpu.empty((s * pixels,), _F), gpu.empty((s * pixels,), np.int32)
-        cubes = Cubes(o[0], o[1], o[2], o[3], gpu.array(who.centers), gpu.array(who.frames), guard, resolution, _F(near), keys, depth, ids)
-        lanes = 32 if len(occluders.triangles) <= _FEW_TRIANGLES else 1
-        gpu.launch(gpu.kernels.fill_keys, (pixels, s), cubes.keys, EMPTY)
-        gpu.launch(k.draw_cubes, (len(occluders.triangles) * lanes, s), lanes, cubes)
-        gpu.launch(k.read_cubes, (pixels, s), cubes)
+        gpu, s = self.gpu, len(who.node)
+        cubes = self.cubes(occluders, resolution, near, gpu.array(who.centers), gpu.array(who.frames), gpu.array(np.ones(s, np.bool_)))
         escapes = gpu.array(np.zeros((s, 2)))
-        gpu.launch(k.find_escapes, (pixels, s), cubes, deltas, escapes)
+        self.draw(cubes, escapes)
         return Drawn(cubes, gpu.host(escapes))  # type: ignore[arg-type]
+
+    def fill(self, elements: Elements, occluders: Occluders, rays: Visibility, shots: Shots, cubes: Cubes, rows: Any, sums: Any) -> None:
+        """Fill rows of transport from what shooters see, and `sums` (s, blocks) with their sums."""
+        gpu, k, (s, blocks), n = self.gpu, self.kernels, sums.shape, elements.numbers.shape[1]
+        numbers, bounds, scene, masked = self.there((elements.numbers, elements.bounds, rays.scene, occluders.masked))
+        gpu.launch(k.fill_rows, (n, s), Receivers(numbers, bounds, scene, masked, rays.number, rays.always), shots, cubes, rows)
+        gpu.launch(k.sum_rows, (blocks, s), numbers, cubes.wanted, shots.slots, rows, sums)
 
     def fill_rows(self, elements: Elements, tree: Tree, source: Array, who: Shooters, seen: Any, occluders: Occluders, rays: Visibility,
                   slots: Array, rows: Any) -> Array:  # fmt: skip
         """(s, blocks) float64: the sums of the rows that are filled."""
-        gpu, k, n = self.gpu, self.kernels, elements.numbers.shape[1]
-        numbers, bounds, scene, masked = self.there((elements.numbers, elements.bounds, rays.scene, occluders.masked))
-        receivers = Receivers(numbers, bounds, scene, masked, rays.number, rays.always)
         span, child, place = self.there((tree.span, tree.child, tree.place))
-        shots = Shots(span, child, place, self.there(source), gpu.array(who.node), gpu.array(slots))
-        sums = gpu.empty((len(slots), -(-n // BLOCK)), np.float64)
-        gpu.launch(k.fill_rows, (n, len(slots)), receivers, shots, seen, rows)
-        gpu.launch(k.sum_rows, (sums.shape[1], len(slots)), receivers.numbers, shots.slots, rows, sums)
-        return gpu.host(sums)
+        shots = Shots(span, child, place, self.there(source), self.gpu.array(who.node), self.gpu.array(slots))
+        sums = self.gpu.empty((len(slots), len(elements.bounds)), np.float64)
+        self.fill(elements, occluders, rays, shots, seen, rows, sums)
+        return self.gpu.host(sums)
 
     def receive(self, rows: Any, touched: Array, slots: Array, powers: Array) -> Any:
         """(3, n) float32 on the GPU."""
@@ -151,7 +158,7 @@ class GpuLabour(Labour):
         """(3, n) float32."""
         gpu, n, eyes = self.gpu, view.numbers.shape[1], self.eyes(view)
         received, at = gpu.array(np.zeros((3, n), _F)), gpu.array(np.array(AT))
-        step = max(1, _RAYS_AT_ONCE // (len(AT) * n))
+        step = max(1, memory.RAYS_AT_ONCE // (len(AT) * n))
         for first in range(0, len(table), step):
             some = gpu.array(table[first : first + step])
             gpu.launch(self.kernels.shine, (n, 1), eyes.scene, eyes.numbers, some, at, float(view.reach), received)
@@ -174,7 +181,7 @@ class GpuLabour(Labour):
         """What elements see, kept on the GPU."""
         gpu, eyes, n = self.gpu, self.eyes(view), view.numbers.shape[1]
         hits, away, directions = gpu.columns((n, rays), np.int32), gpu.empty((n,), np.float64), self._directions(rays)
-        step = max(1, min(rays, _RAYS_AT_ONCE // n))
+        step = max(1, min(rays, memory.RAYS_AT_ONCE // n))
         for ray in range(0, rays, step):
             last = min(rays, ray + step)
             gpu.launch(self.kernels.look, (n, last - ray), eyes, 0, ray, directions, hits)
@@ -186,7 +193,7 @@ class GpuLabour(Labour):
     def gather(self, view: View, light: Array, rays: int, told: Callable[[float], None]) -> Array:
         """(3, n) float32: the mean of `light` (n, 3) over what `rays` of each element meet, of which nothing is kept."""
         gpu, eyes, n = self.gpu, self.eyes(view), view.numbers.shape[1]
-        step = max(1, min(n, _RAYS_AT_ONCE // rays))
+        step = max(1, min(n, memory.RAYS_AT_ONCE // rays))
         hits, there, result = gpu.columns((step, rays), np.int32), gpu.array(padded(light)), gpu.empty((3, n), _F)
         directions = self._directions(rays)
         for first in range(0, n, step):
@@ -202,103 +209,3 @@ class GpuLabour(Labour):
 
 
 _GUARD = np.array([-GUARD, GUARD, -GUARD, GUARD])
-
-
-def _kept(name: str) -> Any:
-    """An attribute that is an array on the GPU, and copied to the processor when it is asked for."""
-
-    def get(self: GpuState) -> Array:
-        if name not in self.here:
-            self.here[name] = self.gpu.host(self.there[name])
-            self.here[name].flags.writeable = False
-        return self.here[name]
-
-    def set(self: GpuState, value: Array) -> None:
-        self.there[name] = self.gpu.array(value)
-        self.here.pop(name, None)
-
-    return property(get, set)
-
-
-class GpuState(State):
-    """The state of a solve on a GPU. A step is worked out beside the state and takes its place once its sums are known, so whoever is interrupted
-    keeps the state before it.
-
-    Attributes:
-        there: Arrays on the GPU, by name; here: copies that were asked for since they last changed.
-    """
-
-    received, direct, unshot, power = map(_kept, ("received", "direct", "unshot", "power"))
-
-    def __init__(self, labour: GpuLabour, problem: Problem, state: State) -> None:
-        self.gpu, self.kernels, n = labour.gpu, labour.kernels, problem.elements.numbers.shape[1]
-        self.there: dict[str, Any] = {}
-        self.here: dict[str, Array] = {}
-        self._left, self._left_here = state.left, state.left_here
-        super().__init__(**{item.name: getattr(state, item.name) for item in fields(State)})
-        gpu = self.gpu
-        self._numbers, self._albedo = labour.there(problem.elements.numbers), labour.there(problem.albedo)
-        self._starts = gpu.array(patch_starts(problem.patches.tree))
-        self._sent = gpu.array(np.zeros((n + 3, 4), _F))
-        self._gained, self._absorbed = gpu.empty((3, n), _F), gpu.empty(state.power.shape, np.float64)
-        self._next = {name: gpu.empty(getattr(state, name).shape, kind) for name, kind in (("received", _F), ("unshot", _F), ("power", np.float64))}
-        self._shares, self._sums = gpu.array(np.zeros((SUMS, max(PARTS, min(_SHARES, n // _EACH))))), gpu.array(np.zeros((SUMS, PARTS)))
-        self._one, self._scale = gpu.array(np.ones(3, _F)), gpu.empty((3,), _F)
-        self._chosen: Any = None
-
-    @property
-    def left(self) -> Array:
-        """As of `State`, from the sums of the last step."""
-        return self._left
-
-    @property
-    def left_here(self) -> float:
-        """The same."""
-        return self._left_here
-
-    def forget(self, problem: Problem, chosen: Array) -> None:
-        """As of `State`, with the next step."""
-        self._chosen = self.gpu.array(chosen.astype(np.int64))
-
-    def take_in(self, problem: Problem, gained: Any, threads: int, from_lights: bool = False) -> None:
-        """As of `State`; `gained` on the GPU."""
-        sums = self._step(gained, self._one, True)
-        self._commit(sums, gained if from_lights else None)
-
-    def pass_on(self, problem: Problem, sight: Sight, labour: Labour) -> None:
-        """As of `State`."""
-        gpu, k, n = self.gpu, self.kernels, len(sight.away)
-        gpu.launch(k.send_unshot, (n, 1), self.there["unshot"], self._sent)
-        gpu.launch(k.gather_mean, (n, 1), 0, sight.hits, self._sent, self._gained)
-        gpu.launch(k.share_sent, (self._shares.shape[1], 1), self._numbers, sight.away, self._sent, self._gained, self._shares)
-        gpu.launch(k.add_up, (PARTS, ABSORBED), 0, self._shares, self._sums)
-        gpu.launch(k.find_scale, (3, 1), self._sums, self._scale)
-        sums = self._step(self._gained, self._scale, False)
-        sent, gone, got = (sums[row : row + 3] for row in (SENT, GONE, GOT))
-        away = balance(sent, sent - gone, got)[1]
-        self.whole = False
-        self._commit(sums, None)
-        self.escaped = self.escaped + away
-
-    def _step(self, gained: Any, scale: Any, keeps: bool) -> Array:
-        """What the state becomes when `gained` is taken in, into `_next`; returns all sums, (SUMS,)."""
-        gpu, k, n, next_ = self.gpu, self.kernels, self._numbers.shape[1], self._next
-        gpu.launch(k.take_in, (n, 1), self._albedo, scale, keeps, gained, self.there["received"], self.there["unshot"], next_["received"],
-                   next_["unshot"])  # fmt: skip
-        if self._chosen is not None:
-            gpu.launch(k.forget, (len(self._chosen), 1), self._chosen, self._starts, self._albedo, gained, next_["unshot"])
-        gpu.launch(k.take_stock, (len(self._absorbed), 3), self._numbers, self._starts, self._albedo, gained, next_["unshot"], next_["power"],
-                   self._absorbed)  # fmt: skip
-        gpu.launch(k.share_stock, (self._shares.shape[1], 1), next_["power"], self._absorbed, next_["received"], next_["unshot"], self._shares)
-        gpu.launch(k.add_up, (PARTS, SUMS - ABSORBED), ABSORBED, self._shares, self._sums)
-        return np.asarray(gpu.host(self._sums).sum(1))
-
-    def _commit(self, sums: Array, from_lights: Any) -> None:
-        """The step is done."""
-        if from_lights is not None:
-            self.gpu.launch(self.kernels.note_direct, (from_lights.shape[1], 1), from_lights, self.there["direct"])
-        self.absorbed = self.absorbed + sums[ABSORBED : ABSORBED + 3]
-        self._left, self._left_here = sums[POWER : POWER + 3], float(sums[HERE]) / self._numbers.shape[1]
-        for name, new in self._next.items():
-            self._next[name], self.there[name] = self.there[name], new
-        self.here, self._chosen = {}, None

@@ -22,6 +22,8 @@ _F = np.float32
 _ENOUGH = 1e-3  # of the norm of the right-hand side
 _MOST_STEPS, _STEPS_UNSEEN = 100, 4
 _MOST_PASSES = 1000
+# Bytes of what is worked out: of an element its light in five arrays, of a luxel its colour and the result, of a group its unknowns and STRIPS sums.
+_ELEMENT, _LUXEL, _GROUP = 3 * 12 + 2 * 16 + 4, 2 * 12, 8 + 8 + 3 * (6 * 4 + 2 * 8) + 12 * STRIPS
 
 _kept: weakref.WeakKeyDictionary[Transport, ResidentTransport] = weakref.WeakKeyDictionary()
 
@@ -57,13 +59,16 @@ class ResidentTransport:
 
     def __init__(self, gpu: Any, transport: Transport, kernels: Any = None) -> None:
         t, self.gpu = transport, gpu
-        gpu.expect(sum(a.nbytes for a in (t.exchange, t.hits, t.rows)) + 48 * len(t.area) * 4, "the transport")
+        kept = sum(a.nbytes for a in (t.exchange, t.hits, t.rows, t.touched, t.luxel, t.front, t.area, t.still))
+        gpu.expect(kept + _ELEMENT * len(t.area) + _LUXEL * len(t.emission) + _GROUP * len(t.starts) + (1 << 20), "the transport", "a coarser bake")
         if kernels is None:
             from luxel.cuda import light_kernels as kernels
         self.kernels, self.elements, self.luxels, groups = kernels, len(t.area), len(t.emission), len(t.starts) - 1
-        self.luxel, self.front, self.area, self.hits, self.rows, self.touched, self.still = (
-            gpu.array(array) for array in (t.luxel, t.front, t.area, t.hits, t.rows, t.touched, t.still)
+        self.luxel, self.front, self.area, self.rows, self.touched, self.still = (
+            gpu.array(array) for array in (t.luxel, t.front, t.area, t.rows, t.touched, t.still)
         )
+        self.hits = gpu.columns(t.hits.shape, np.int32)
+        gpu.send(t.hits, self.hits)
         triples = [gpu.empty((groups, 3), kind) for kind in (_F, np.float64, np.float64, _F, _F, _F, _F, _F)]
         before = gpu.array(t.starts.astype(np.int64)), gpu.array(t.exchange), gpu.empty((groups,), np.float64)
         self.groups = Groups(*[*before, *triples, gpu.empty((STRIPS, groups, 3), _F), gpu.empty((4, PARTS, 3), np.float64)])

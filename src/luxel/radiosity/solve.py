@@ -32,7 +32,7 @@ _MOST_GROUPS = 512
 _HERE = 5.0
 SCALES = 0.5, 2.0  # of what elements pass on: beyond, there are too few rays to tell
 _ROUNDING = 1e-6
-_SCALE_RANGE = 0.25, 4.0
+SCALE_RANGE = 0.25, 4.0
 """A row's sum is put right by no more than this; what is left over counts as escaped."""
 
 
@@ -274,7 +274,7 @@ def fill(problem: Problem, source: Source, chosen: Array, rows: Rows, labour: La
     scale = np.divide(areas, sums, out=np.ones(len(to)), where=sums > 0)
     leaks = escaped.any(1)
     scale[leaks] = np.minimum(scale[leaks], 1.0)  # only if it sees nothing but fronts is all of its light received, and never more than all
-    rows.scale[to] = np.clip(scale, *_SCALE_RANGE)
+    rows.scale[to] = np.clip(scale, *SCALE_RANGE)
     rows.lost[to] = 1.0 - rows.scale[to] * sums / areas
     return slots
 

@@ -87,7 +87,9 @@ def note_direct(i, gained, direct):
 
 @part
 def forget(k, chosen, starts, albedo, gained, unshot):
-    """The elements of patch chosen[k] have shot what they had: they will shoot what they send on of what they gained; starts (p + 1,) int64."""
+    """The elements of patch chosen[k], if it is not -1, have shot what they had: they will shoot what they send on of what they gained."""
+    if chosen[k] < 0:
+        return
     for c in range(3):
         for i in range(starts[chosen[k]], starts[chosen[k] + 1]):
             unshot[c, i] = albedo[c, i] * gained[c, i]

@@ -45,6 +45,7 @@ class Cubes(NamedTuple):
         centers, frames: (s, 3), (s, 3, 3) float32.
         guard: (4,) float64: where a face is cut, in half widths.
         resolution: Pixels along a face; near: float32, metres.
+        wanted: (s,) bool: who looks; the others' places are left alone.
         keys: (s, 5 r r) uint64.
         depth, ids: (s 5 r r,) float32 and int32, as in `luxel.radiosity.hemicube.ItemBuffers`.
     """
@@ -58,6 +59,7 @@ class Cubes(NamedTuple):
     guard: Array
     resolution: int
     near: np.float32
+    wanted: Array
     keys: Array
     depth: Array
     ids: Array
@@ -126,6 +128,8 @@ def cover_piece(s, face, t, a, b, d, half, lane, lanes, cubes):
 @part
 def draw_triangle(i, s, lanes, cubes, p, q):
     """Draw triangle i // lanes into the hemicube of shooter `s`, as lane i % lanes of as many. p (MOST + 1, 7), q (2 MOST, 7) float64 are scratch."""
+    if not cubes.wanted[s]:
+        return
     t, lane, near = i // lanes, i % lanes, cubes.near
     rows, half = frame_rows(cubes.frames[s]), _F(cubes.resolution * 128)
     a, b, d = (
@@ -156,8 +160,17 @@ def clipped(p, row):
 
 
 @part
+def clear_pixel(i, s, cubes):
+    """Nothing is seen in pixel `i` of shooter `s`."""
+    if cubes.wanted[s]:
+        cubes.keys[s, i] = EMPTY
+
+
+@part
 def read_pixel(i, s, cubes):
     """Depth and id of pixel `i` of shooter `s` from its key."""
+    if not cubes.wanted[s]:
+        return
     key, at = cubes.keys[s, i], s * cubes.keys.shape[1] + i
     there = key != EMPTY
     cubes.depth[at] = depth_in(key) if there else BEHIND
@@ -167,8 +180,8 @@ def read_pixel(i, s, cubes):
 @part
 def find_escape(i, s, cubes, deltas, escapes):
     """escapes[s, 0] = 1 if light of shooter `s` through pixel `i`, which `deltas` (5 r r,) of the light goes through, meets nothing;
-    escapes[s, 1] = 1 if it meets a back."""
-    if deltas[i] > 0.0:
+    escapes[s, 1] = 1 if it meets a back. Both are 0 before."""
+    if cubes.wanted[s] and deltas[i] > 0.0:
         t, o = cubes.ids[s * cubes.keys.shape[1] + i], cubes.centers[s]
         what = fate(t, o[0], o[1], o[2], cubes.planes, cubes.two_sided)
         if what != MEETS:
@@ -179,6 +192,8 @@ def find_escape(i, s, cubes, deltas, escapes):
 def fill_entry(j, s, receivers, shots, cubes, rows, c, stack, corners):
     """rows[slots[s], j]: the entry of element `j` in the row of shooter `s`. Scratch: c (SCRATCH,) float32, stack (DEEPEST,) int32, corners (4, 3)
     float64."""
+    if not cubes.wanted[s]:
+        return
     node, center, numbers = shots.node[s], cubes.centers[s], receivers.numbers
     half = np.uint16(0)
     if not all_averted(receivers.bounds[j // BLOCK], center, cubes.frames[s]):
@@ -194,8 +209,10 @@ def fill_entry(j, s, receivers, shots, cubes, rows, c, stack, corners):
 
 
 @part
-def sum_block(b, s, numbers, slots, rows, sums):
-    """sums[s, b] float64: over block `b` of the row of shooter `s`, of area times entry, in the order of the elements."""
+def sum_block(b, s, numbers, wanted, slots, rows, sums):
+    """sums[s, b] float64: over block `b` of the row of shooter `s`, of area times entry, in the order of the elements; if it is `wanted`."""
+    if not wanted[s]:
+        return
     total = 0.0
     for j in range(b * BLOCK, min((b + 1) * BLOCK, numbers.shape[1])):
         total += np.float64(decoded(rows[slots[s], j])) * np.float64(numbers[AREA, j])
@@ -204,10 +221,10 @@ def sum_block(b, s, numbers, slots, rows, sums):
 
 @part
 def receive(i, slots, rows, touched, powers, gained):
-    """gained[:, i]: what shooters of radiosity `powers` (s, 3) give to element `i` through their rows, in their order."""
+    """gained[:, i]: what shooters of radiosity `powers` (s, 3) give to element `i` through their rows, in their order; -1 in `slots` is nobody's."""
     red = green = blue = _F(0.0)
     for s in range(len(slots)):
-        if touched[slots[s], i // BLOCK]:
+        if slots[s] >= 0 and touched[slots[s], i // BLOCK]:
             k = decoded(rows[slots[s], i])
             red += k * powers[s, 0]
             green += k * powers[s, 1]
