@@ -17,10 +17,10 @@ import re
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any
 
 import numba
@@ -309,15 +309,52 @@ else:
         return types.void(array, types.uint64), codegen
 
 
-_pool: tuple[int, ThreadPoolExecutor] | None = None
+class _Task:
+    """A call for a helping thread; whoever takes `begun` first, helper or caller, has it."""
+
+    __slots__ = ("arguments", "begun", "done", "error", "kernel")
+
+    def __init__(self, kernel: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
+        self.kernel, self.arguments = kernel, arguments
+        self.error: BaseException | None = None
+        self.begun, self.done = threading.Lock(), threading.Lock()
+        self.done.acquire()
+
+    def help(self) -> None:
+        if self.begun.acquire(blocking=False):
+            try:
+                self.kernel(*self.arguments)
+            except BaseException as error:  # for the caller
+                self.error = error
+            finally:
+                self.done.release()
+
+    def finish(self) -> None:
+        """Take it away from the helpers, or wait for the one that has it."""
+        if self.begun.acquire(blocking=False):  # one that has not begun has nothing left to do
+            return
+        self.done.acquire()
+        if self.error is not None:
+            raise self.error
+
+
+def _help(tasks: SimpleQueue[_Task]) -> None:
+    while True:
+        tasks.get().help()
+
+
+_pool: tuple[int, SimpleQueue[_Task]] | None = None
 _pool_lock = threading.Lock()
 
 
-def _workers() -> ThreadPoolExecutor:
+def _workers() -> SimpleQueue[_Task]:
+    """Where helping threads wait for tasks. Not an executor of the standard library: that takes 50 us to hand a task over, this one 5."""
     global _pool
     with _pool_lock:
         if _pool is None or _pool[0] != os.getpid():  # threads do not survive a fork: the child makes its own
-            _pool = os.getpid(), ThreadPoolExecutor(max(1, (os.cpu_count() or 1) - 1), thread_name_prefix="luxel")
+            _pool = os.getpid(), SimpleQueue()
+            for number in range(max(1, (os.cpu_count() or 1) - 1)):
+                threading.Thread(target=_help, args=_pool[1:], name=f"luxel_{number}", daemon=True).start()
         return _pool[1]
 
 
@@ -363,14 +400,14 @@ def run(kernel: Callable[..., Any], threads: int, *arguments: Any) -> None:
     if threads <= 1:
         kernel(queue, *arguments)
         return
-    pool = _workers()
-    helpers = [pool.submit(kernel, queue, *arguments) for _ in range(threads - 1)]
+    tasks, waiting = [_Task(kernel, (queue, *arguments)) for _ in range(threads - 1)], _workers()
+    for task in tasks:
+        waiting.put(task)
     try:
         kernel(queue, *arguments)
     finally:
-        for helper in helpers:
-            if not helper.cancel():  # one that has not started has nothing left to do
-                helper.result()
+        for task in tasks:
+            task.finish()
 
 
 def compiled(kernel: Any) -> bool:

@@ -39,7 +39,8 @@ class Outputs(NamedTuple):
     @classmethod
     def wanted(cls, names: set[str], width: int, height: int) -> Outputs:
         """Arrays of the outputs named, filled with nothing; empty ones for the rest."""
-        return _NOTHING._replace(**{name: np.full((height, width, *SHAPES[name][0]), SHAPES[name][2], SHAPES[name][1]) for name in names & set(SHAPES)})
+        kinds = {name: SHAPES[name] for name in names & set(SHAPES)}
+        return _NOTHING._replace(**{name: np.full((height, width, *shape), nothing, dtype) for name, (shape, dtype, nothing) in kinds.items()})
 
 
 _NOTHING = Outputs(*(np.empty((0, 0, *shape), dtype) for shape, dtype, _ in SHAPES.values()))

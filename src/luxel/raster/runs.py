@@ -122,6 +122,25 @@ class Samples(NamedTuple):
     every: bool
 
 
+@jit.kernel
+def scratch(mean, stored):
+    """Runs, Shared and Setups for a thread that shades; `stored` numbers are kept of a triangle."""
+    runs = Runs(
+        head=np.empty(FRAGMENTS + 1, np.int32), pixel=np.empty(FRAGMENTS, np.int32), setup=np.empty(FRAGMENTS, np.int32),
+        mask=np.empty(FRAGMENTS, np.uint64), x=np.empty(FRAGMENTS, np.float32), y=np.empty(FRAGMENTS, np.float32),
+    )  # fmt: skip
+    shared = Shared(
+        pixel=np.empty(FRAGMENTS, np.int32), setup=np.empty(FRAGMENTS, np.int32), mask=np.empty(FRAGMENTS, np.uint64),
+        x=np.empty(FRAGMENTS, np.float32), y=np.empty(FRAGMENTS, np.float32), share=np.empty(FRAGMENTS, np.float32),
+        edge=np.empty(FRAGMENTS + 1, np.int32), first=np.empty(FRAGMENTS + 1, np.int32),
+    )  # fmt: skip
+    setups = Setups(
+        triangle=np.empty(SETUPS, np.int32), material=np.empty(SETUPS, np.int32), stored=np.empty((SETUPS, stored), np.float32),
+        table=np.zeros(2 * SETUPS, np.int32), sources=np.empty((FRAGMENTS, 4), np.int32), same=np.empty(MOST_SAMPLES * WORD, np.int32), mean=mean,
+    )  # fmt: skip
+    return runs, shared, setups
+
+
 @jit.inlined
 def find(t, setups, count, triangles):
     """Where triangle `t` is set up, and the number of set-ups with it; a new one's indices are asked for ahead of their use."""

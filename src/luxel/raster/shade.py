@@ -24,8 +24,8 @@ from luxel.raster.lanes import LANES, prefetch_to_write
 from luxel.raster.lighting import LightTable, light
 from luxel.raster.materials import MaterialTable
 from luxel.raster.plain import fill_normals, is_plain, shade_plainly
-from luxel.raster.rows import WORD, copy
-from luxel.raster.runs import MOST_SAMPLES, SETUPS, Cursor, Runs, Samples, Setups, Shared, append, gather, mean_places
+from luxel.raster.rows import copy
+from luxel.raster.runs import SETUPS, Cursor, Samples, append, gather, mean_places, scratch
 from luxel.raster.setup import SIZE as COVER_SIZE
 from luxel.raster.surface import surface
 
@@ -271,19 +271,7 @@ def _shade(queue, ends, tiles, occupied, all_ids, bins, all_samples, mean, all_d
     own_ids, own_depth, own_c = np.empty(own_visible, np.int32), np.empty(own_visible, np.float32), np.zeros(COVER_SIZE, np.int32)
     own_g, own_sums, own_codes = np.empty(SIZE, np.float32), np.zeros(4 * pixels, np.float32), np.empty(FRAGMENTS + LANES, np.uint32)
     own_g[TX : TX + 4 * PITCH] = _F(0.0)  # where meshes have no tangents
-    own_runs = Runs(
-        head=np.empty(FRAGMENTS + 1, np.int32), pixel=np.empty(FRAGMENTS, np.int32), setup=np.empty(FRAGMENTS, np.int32),
-        mask=np.empty(FRAGMENTS, np.uint64), x=np.empty(FRAGMENTS, np.float32), y=np.empty(FRAGMENTS, np.float32),
-    )  # fmt: skip
-    own_shared = Shared(
-        pixel=np.empty(FRAGMENTS, np.int32), setup=np.empty(FRAGMENTS, np.int32), mask=np.empty(FRAGMENTS, np.uint64),
-        x=np.empty(FRAGMENTS, np.float32), y=np.empty(FRAGMENTS, np.float32), share=np.empty(FRAGMENTS, np.float32),
-        edge=np.empty(FRAGMENTS + 1, np.int32), first=np.empty(FRAGMENTS + 1, np.int32),
-    )  # fmt: skip
-    own_setups = Setups(
-        triangle=np.empty(SETUPS, np.int32), material=np.empty(SETUPS, np.int32), stored=np.empty((SETUPS, STORED), np.float32),
-        table=np.zeros(2 * SETUPS, np.int32), sources=np.empty((FRAGMENTS, 4), np.int32), same=np.empty(MOST_SAMPLES * WORD, np.int32), mean=mean,
-    )  # fmt: skip
+    own_runs, own_shared, own_setups = scratch(mean, STORED)
     own_material = np.full(FRAGMENTS, geometry.part_material[0] if len(geometry.part_material) > 0 else 0, np.int32)
     g, sums, codes, r, setups = jit.borrow(own_g), jit.borrow(own_sums), jit.borrow(own_codes), jit.borrow(own_runs), jit.borrow(own_setups)
     here, depth, c = jit.borrow(own_ids), jit.borrow(own_depth), jit.borrow(own_c)
@@ -301,6 +289,9 @@ def _shade(queue, ends, tiles, occupied, all_ids, bins, all_samples, mean, all_d
             seen = here if cover else ids[slot]
             if direct:
                 clear_tile(target.color, top + py, left + px, wide, high, nothing)
+            elif empty:
+                for plane in range(4):
+                    sums[plane * pixels : plane * pixels + wide] = _F(0.0)
             else:
                 sums[:] = _F(0.0)
             at = Cursor(0, planes if empty else 0, 0)
@@ -336,7 +327,8 @@ def _shade(queue, ends, tiles, occupied, all_ids, bins, all_samples, mean, all_d
                        here, c, None)  # fmt: skip
             covered = True
     # The scratch must live until here: borrowing does not keep it.
-    own_g[0] = len(own_sums) + len(own_runs.head) + len(own_setups.table) + len(own_codes) + len(own_material) + len(own_ids) + len(own_depth) + len(own_shared.edge)
+    own_g[0] = len(own_sums) + len(own_runs.head) + len(own_setups.table) + len(own_codes) + len(own_material) + len(own_ids) + len(own_depth)
+    own_shared.edge[0] = 0
     own_c[0] = 0
 
 
@@ -359,8 +351,8 @@ def shade(tiles: Tiles, occupied: Array, ids: Array, samples: Samples, drawn: Dr
     direct = not ((samples.every and len(samples.pattern) > 1) or target.samples.size or target.linear.size)  # all is opaque: no sums are needed
     plain = True if direct and is_plain(drawn.geometry, look.materials, look.lights, look.features) else None
     ends = Ends(*(np.zeros(1, np.int64) for _ in Ends._fields))
-    jit.run(_shade, min(threads, tiles.last - tiles.first), ends, tiles, occupied, ids, lists, samples, mean_places(samples.pattern), drawn, look, rich,
-            footprint, target, direct, plain)  # fmt: skip
+    jit.run(_shade, min(threads, tiles.last - tiles.first), ends, tiles, occupied, ids, lists, samples, mean_places(samples.pattern), drawn, look,
+            rich, footprint, target, direct, plain)  # fmt: skip
 
 
 @jit.parallel_kernel
