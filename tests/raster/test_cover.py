@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from luxel.raster.constants import GUARD_HIGH, GUARD_LOW
+from luxel.raster.joint import WIDEST
 from luxel.raster.reference import Plane, covers, reference_cover
 from luxel.raster.setup import SMALL
 
@@ -147,6 +148,22 @@ def test_on_both_sides_of_the_loops_limits(extra):
     for _ in range(20):  # edges as tall as can be
         corners = np.stack([rng.integers(0, SMALL * 256, (6, 3)), rng.choice([GUARD_LOW, GUARD_HIGH], (6, 3))], 2)
         agree(corners, rng.random((6, 3), np.float32), size=(33, 3))
+
+
+@pytest.mark.parametrize("extra", [-1, 0, 1])
+@pytest.mark.parametrize(("name", "tile"), [("standard-4", 64), ("grid-4", 32), ("standard-8", 64), ("standard-16", 16), ("standard-4", 128)])
+def test_on_both_sides_of_the_limit_for_four_samples_at_once(name, tile, extra):
+    """Boxes as wide and as high as are drawn at four samples at once, and the smallest that are, wherever they lie in a tile."""
+    rng = np.random.default_rng(extra + 1)
+    edge = WIDEST * 256
+    for wide, high in ((edge + extra, 9 * 256), (700, edge + extra), (edge, edge + extra), (300 + extra, 280)):
+        corners = rng.integers(0, [wide, high], (8, 3, 2), endpoint=True)
+        corners[:, 0] = 0
+        corners[:, 1] = wide, high
+        corners[:4, :, 0] = wide - corners[:4, :, 0]
+        corners += rng.integers(-edge // 2, [130 * 256 - edge // 2, 0], (8, 1, 2))
+        corners[..., 1] += high // 3
+        agree(corners, rng.random((8, 3), np.float32), PATTERNS[name], size=(101, 9), tile=tile)
 
 
 def test_wide_and_tall_pictures():

@@ -30,6 +30,11 @@ def where_same(out, ids, first, second, count):
 
 
 @jit.kernel
+def where_four_same(out, ids, first, pixels, count):
+    out[0] = rows.where_four_same(ids, first, pixels, count)
+
+
+@jit.kernel
 def same_samples(ids, first, pixels, samples, s, same, at):
     rows.same_samples(ids, first, pixels, samples, s, same, at)
 
@@ -111,6 +116,17 @@ def test_equal_ids_are_bits(seed, count, first, second):
 
 
 @settings(deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, rows.WORD), st.integers(0, 9), st.integers(0, 9))
+def test_pixels_whose_four_samples_are_equal_are_bits(seed, count, first, spare):
+    pixels = 80 + spare
+    ids = np.random.default_rng(seed).choice(np.array([5, 5, 5, 5, -1], np.int32), 4 * pixels)
+    out = np.zeros(1, np.uint64)
+    where_four_same(out, ids, first, pixels, count)
+    planes = ids.reshape(4, pixels)[:, first : first + count]
+    assert int(out[0]) == sum(1 << k for k in range(count) if (planes[:, k] == planes[0, k]).all())
+
+
+@settings(deadline=None)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([2, 4, 8, 16]), st.integers(0, 12), st.integers(0, 30))
 def test_samples_of_one_id_are_bits(seed, samples, first, at):
     pixels, pitch = 40, 50
@@ -167,6 +183,7 @@ def touch_nothing_else():
         copy(against_a_wall(count, np.uint32), 0, against_a_wall(room, np.uint32), 0, count)
         if count <= rows.WORD:
             where_same(np.zeros(1, np.uint64), against_a_wall(2 * room, np.int32), 0, room, count)
+            where_four_same(np.zeros(1, np.uint64), against_a_wall(4 * room, np.int32), 0, room, count)
     for samples in (2, 4, 16):
         same_samples(against_a_wall(samples * LANES, np.int32), 0, LANES, samples, samples - 1, against_a_wall(LANES, np.int32), 0)
     same_of_four(against_a_wall(4 * LANES, np.int32), 0, LANES, against_a_wall(4 * LANES, np.int32), 0, LANES)

@@ -49,6 +49,7 @@ _F = np.float32
 
 NEEDS_POSITION = 1 << 30
 """Beside the materials' NEEDS_*: world positions, for lights that are somewhere and for views."""
+NEEDS_ANYTHING = NEEDS_POSITION | NEEDS_NORMAL | NEEDS_FACE | NEEDS_VIEW | NEEDS_UV0 | NEEDS_UV1 | NEEDS_TANGENT | NEEDS_COLOR
 _DIVIDED = NEEDS_POSITION | NEEDS_VIEW | NEEDS_TANGENT | NEEDS_COLOR | NEEDS_UV0 | NEEDS_UV1
 
 

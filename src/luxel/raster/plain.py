@@ -14,7 +14,7 @@ import numpy as np
 from luxel import jit
 from luxel.raster.channels import FRONT, NX, NY, NZ, OB, OG, OR, PITCH
 from luxel.raster.encode import pack, srgb_code
-from luxel.raster.fragments import AT_SIDE, AT_X, AT_Y, NORMAL
+from luxel.raster.fragments import AT_SIDE, AT_X, AT_Y, NEEDS_ANYTHING, NORMAL
 from luxel.raster.geometry import Geometry
 from luxel.raster.lighting import COLOR, ORIGIN, PUNCTUAL, LightTable
 from luxel.raster.materials import BLUE, CODE, GREEN, MODEL_LAMBERT, NEEDS_NORMAL, RED, MaterialTable
@@ -51,7 +51,7 @@ else:
 
 def is_plain(geometry: Geometry, materials: MaterialTable, lights: LightTable, features: int) -> bool:
     """Whether `shade_plainly` does all that these ask for."""
-    if features != NEEDS_NORMAL or len(lights.lights) != 1 or lights.lights[0, PUNCTUAL] != 0:
+    if features & NEEDS_ANYTHING != NEEDS_NORMAL or len(lights.lights) != 1 or lights.lights[0, PUNCTUAL] != 0:
         return False
     return bool((materials.ints[geometry.part_material, CODE] == MODEL_LAMBERT).all())
 
