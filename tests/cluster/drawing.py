@@ -20,7 +20,9 @@ from luxel.cluster.comm import Comm, world
 from luxel.cluster.composite import COMPOSITIONS, clear, composite, regions
 from luxel.cluster.plan import BALANCES
 from luxel.cluster.render import Renderer
+from luxel.cluster.shares import share_scene
 from luxel.errors import LuxelWarning
+from luxel.scene import normals
 from luxel.scene.builtin import bumpy_sphere
 from luxel.scene.framing import camera_for
 
@@ -78,7 +80,8 @@ def samplings(comm: Comm, *_: str) -> None:
 
 def matrix(comm: Comm, *models: str) -> None:
     """Every division and composition, with one sample a pixel and with eight: a random scene, one with blended and masked materials, real models."""
-    ways = [("screen", "swap", balance) for balance in BALANCES] + [(divide, way, "dynamic") for divide in ("objects", "both") for way in COMPOSITIONS]
+    ways = [("screen", "swap", balance) for balance in BALANCES]
+    ways += [(divide, way, "dynamic") for divide in ("objects", "both") for way in COMPOSITIONS]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LuxelWarning)
         scenes = [(random_scene(600, 3), around(0.7)), (room(), around()), *((luxel.load(path), None) for path in models)]
@@ -155,12 +158,29 @@ def units(comm: Comm, folder: str) -> None:
     assert sum(read) <= 2 * (whole / comm.size + 2 * largest) + 2 * 1600  # for two divisions; and the sphere, whole
 
 
+def bare(comm: Comm, folder: str) -> None:
+    """PLY files without normals: made by each rank for its share, with the faces around it; in many chunks of triangles."""
+    normals._CHUNK, kept = 700, normals._CHUNK
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # none is read whole
+        for name in ("bare.ply", "soup.ply", "edges.ply"):
+            for crease in (None, np.pi, 0.2):
+                path = Path(folder) / name
+                one = luxel.load(path, crease_angle=crease)
+                share = share_scene(path, comm, "objects", crease_angle=crease)
+                assert share.scene.triangle_count < one.triangle_count or comm.size == 1
+                mine = Renderer(share, comm, "objects").render(None, (96, 64), samples=2, outputs=ALL)
+                if mine is not None:
+                    same(mine, luxel.render(one, None, (96, 64), samples=2, outputs=ALL, threads=1), (name, crease))
+    normals._CHUNK = kept
+
+
 def streamed(comm: Comm, folder: str) -> None:
     """Shares that stay in the file, in pieces; near enough for triangles to be clipped."""
     from luxel.cluster import ply_share
 
     ply_share.STREAMED, ply_share.PIECE = 0, 100
-    for name in ("sphere.ply", "long.ply"):
+    for name in ("sphere.ply", "long.ply", "bare.ply", "soup.ply"):
         path = Path(folder) / name
         cameras = [None, luxel.Camera.look_at((0.3, 0.2, 0.9), (0, 0.3, 0), near=0.05)]
         for divide in ("objects", "both"):

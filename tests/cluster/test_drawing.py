@@ -44,9 +44,15 @@ def test_files_in_parts(tmp_path, meshes):
     long = luxel.Mesh(mesh.positions, mesh.triangles)
     long.normals = mesh.normals * np.float32(2)  # made unit by all ranks, or by none
     (tmp_path / "long.ply").write_bytes(ply_with(long))
+    order = np.random.default_rng(4).permutation(len(mesh.triangles))  # neighbours are far from each other in the file
+    luxel.save(luxel.Mesh(mesh.positions, mesh.triangles[order]), tmp_path / "bare.ply")
+    corners = mesh.positions[mesh.triangles[order]].reshape(-1, 3)
+    luxel.save(luxel.Mesh(corners, np.arange(len(corners)).reshape(-1, 3)), tmp_path / "soup.ply")
+    cut = np.clip(mesh.positions, -0.6, 0.6)  # flat sides, with edges
+    luxel.save(luxel.Mesh(cut, mesh.triangles[order]), tmp_path / "edges.ply")
     for name in ("horse.ply", "fandisk.obj"):
         (tmp_path / name).symlink_to(meshes / name)
-    for ranks, what in ((1, "files"), (2, "files,streamed,units"), (3, "files,units"), (4, "streamed"), (5, "files,units"), (7, "streamed,files")):
+    for ranks, what in ((1, "bare"), (2, "files,bare,streamed,units"), (3, "bare,units"), (4, "streamed"), (5, "files,units"), (7, "bare,streamed")):
         done = mpi(ranks, DRAWING, what, tmp_path)
         assert done.returncode == 0, done.stderr
 

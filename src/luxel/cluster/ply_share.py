@@ -1,32 +1,37 @@
 """A rank's share of a binary PLY file: a range of the bytes of its faces, and those vertices that they have.
 
-What decides for all vertices in a whole file (whether normals must be made unit again) is decided by all ranks together. Files that cannot be read in
-parts are left to the caller: ASCII, faces that are not all triangles, and what makes normals necessary, which needs neighbours.
+What decides for all vertices in a whole file (whether normals must be made unit again) is decided by all ranks together. Where there are no normals,
+they are made with the faces around the share (`around`). Files that cannot be read in parts are left to the caller: ASCII, faces that are not all
+triangles, normals without a direction.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
-from typing import IO
+from typing import IO, NamedTuple
 
 import numpy as np
 
 from luxel.arrays import Array
+from luxel.cluster.around import around
 from luxel.cluster.codes import MOST
 from luxel.cluster.comm import Comm
 from luxel.cluster.ply_table import PIECE, Table, tables_of
 from luxel.cluster.ply_table import corners as corners_of
-from luxel.cluster.slices import check_count
+from luxel.cluster.slices import check_count, part_of
 from luxel.errors import InputError
 from luxel.io.files import open_plain
 from luxel.io.ply import read_header, scene_of
 from luxel.io.ply_rows import ROWS, Columns, Lists
+from luxel.scene.normals import CREASE_ANGLE, with_normals
 from luxel.scene.scene import Scene
 
 STREAMED = 1 << 20
 """Triangles of a rank: larger shares stay in the file."""
 _UNIT = 1e-3  # as `io.build` judges normals
+_NORMALS = {"nx", "ny", "nz"}
 
 
 class Vertices:
@@ -62,6 +67,39 @@ class Outline:
         return np.stack([low, high]) if np.isfinite(low).all() else np.zeros((2, 3))
 
 
+class Source(NamedTuple):
+    """A file, and how scenes are made of its triangles.
+
+    Attributes:
+        path, vertex, face, texture: Of the file.
+        unit: Its normals have unit length, where it has any.
+        crease: Radians, for those that are made.
+    """
+
+    path: Path
+    vertex: Table
+    face: Table
+    texture: str
+    unit: bool
+    crease: float
+
+    def scene(self, file: IO[bytes], numbers: Array, corners: Array) -> Scene:
+        """The faces `numbers` (k,) int64, ascending, whose corners (k, 3) are known, with the normals that they have in the whole."""
+        own, make = numbers, len(numbers) > 0 and _bare(self.vertex)
+        if make:
+            numbers, corners = around(self.vertex, self.face, file, corners)
+        columns, local = _vertices(self.vertex, file, corners)
+        if not self.unit:
+            _make_unit(columns)
+        faces: Columns = {"vertex_indices": Lists(np.broadcast_to(np.int64(3), len(local) // 3), local)} if len(local) else {}
+        scene = scene_of(self.path, {"vertex": columns, "face": faces}, self.texture)
+        if make:
+            mesh = with_normals(scene.meshes[0], self.crease, numbers)
+            triangles = mesh.triangles[np.searchsorted(numbers, own)]
+            scene.meshes[0] = part_of(replace(mesh, triangles=triangles), 0, len(triangles))
+        return scene
+
+
 class Stream:
     """A share of a file that stays there: its triangles in pieces, and any of them with all that they have.
 
@@ -69,13 +107,13 @@ class Stream:
         count: Its triangles.
     """
 
-    def __init__(self, path: Path, tables: tuple[Table, Table], first: int, last: int, unit: bool, texture: str) -> None:
-        self.path, self.tables, self.first, self.count, self.unit, self.texture = path, tables, first, last - first, unit, texture
+    def __init__(self, source: Source, first: int, last: int) -> None:
+        self.source, self.first, self.count = source, first, last - first
 
     def pieces(self) -> Iterator[tuple[int, Array, Array]]:
         """Number of the first triangle, positions (n, 3) float32 and triangles (k, 3) int32, piece by piece."""
-        vertex, face = self.tables
-        with self.path.open("rb") as file:
+        vertex, face = self.source.vertex, self.source.face
+        with self.source.path.open("rb") as file:
             for start in range(0, self.count, PIECE):
                 corners = corners_of(face, file, self.first + start, self.first + min(self.count, start + PIECE))
                 assert corners is not None
@@ -85,9 +123,8 @@ class Stream:
 
     def scene(self, rows: Array) -> Scene:
         """The triangles `rows` (k,) int32, ascending."""
-        vertex, face = self.tables
-        chosen = []
-        with self.path.open("rb") as file:
+        face, chosen = self.source.face, []
+        with self.source.path.open("rb") as file:
             for start in range(0, self.count, PIECE):
                 wanted = rows[np.searchsorted(rows, start) : np.searchsorted(rows, start + PIECE)]
                 if len(wanted):
@@ -95,18 +132,10 @@ class Stream:
                     assert corners is not None
                     chosen.append(corners[wanted - start])
             corners = np.concatenate(chosen or [np.zeros((0, 3), np.int32)])
-            columns, local = _vertices(vertex, file, corners)
-        return _scene(self.path, columns, local, self.unit, self.texture)
+            return self.source.scene(file, self.first + rows.astype(np.int64), corners)
 
 
-def _scene(path: Path, columns: Columns, local: Array, unit: bool, texture: str) -> Scene:
-    if not unit:
-        _make_unit(columns)
-    faces: Columns = {"vertex_indices": Lists(np.broadcast_to(np.int64(3), len(local) // 3), local)} if len(local) else {}
-    return scene_of(path, {"vertex": columns, "face": faces}, texture)
-
-
-def load_share(path: Path, comm: Comm) -> tuple[Scene | Stream, Scene] | None:
+def load_share(path: Path, comm: Comm, crease_angle: float | None = None) -> tuple[Scene | Stream, Scene] | None:
     """This rank's part of the scene, and one to frame a camera with; None on all ranks if the file cannot be read in parts.
 
     If shares are large, and all that is in the file can be drawn, they are left there.
@@ -114,6 +143,7 @@ def load_share(path: Path, comm: Comm) -> tuple[Scene | Stream, Scene] | None:
     Args:
         path: Of the file, which all ranks can read.
         comm: The ranks that share it.
+        crease_angle: As of `luxel.load`, where there are no normals. Then a rank reads the file through for the faces around its own (`around`).
 
     Raises:
         FileError: The file is missing or malformed.
@@ -128,14 +158,16 @@ def load_share(path: Path, comm: Comm) -> tuple[Scene | Stream, Scene] | None:
         first, last = comm.share_out(face.rows)[comm.rank]
         streamed = face.rows > STREAMED * comm.size
         corners = None if streamed else corners_of(face, file, first, last)
-        good = _sound(face, vertex, file, first, last) if streamed else corners is not None
-        found = comm.gather((good, _normals(vertex, file, *comm.share_out(vertex.rows)[comm.rank], streamed)))
+        bare = _bare(vertex)
+        good = _sound(face, vertex, file, first, last) if streamed or bare else corners is not None
+        found = comm.gather((good, _normals(vertex, file, *comm.share_out(vertex.rows)[comm.rank], streamed or bare)))
         if not all(triangles and normals is not None for triangles, normals in found):
             return None
         unit = all(unit for _, unit in found)
-        scene: Scene | Stream = Stream(path, tables, first, last, unit, texture)
+        source = Source(path, vertex, face, texture, unit, CREASE_ANGLE if crease_angle is None else crease_angle)
+        scene: Scene | Stream = Stream(source, first, last)
         if corners is not None:
-            scene = _scene(path, *_vertices(vertex, file, corners), unit, texture)
+            scene = source.scene(file, np.arange(first, last), corners)
     whole = scene_of(path, {"vertex": {name: np.zeros(0, np.float32) for name in "xyz"}}, "")
     whole.meshes[0] = Outline(Vertices(path, vertex), face.rows)  # type: ignore[call-overload]
     return scene, whole
@@ -157,7 +189,12 @@ def _check_counts(path: Path, faces: int, ranks: int) -> None:
 def _whole_scene(vertex: Table) -> bool:
     """Whether each vertex has all that a scene needs of it, whatever the others have."""
     colors = [prop.dtype.kind for prop in vertex.element.properties if prop.name.endswith("red")]
-    return {"nx", "ny", "nz"} <= vertex.fields.keys() and "f" not in colors  # what float colours mean hangs on the largest
+    return (_bare(vertex) or vertex.fields.keys() >= _NORMALS) and "f" not in colors  # what float colours mean hangs on the largest
+
+
+def _bare(vertex: Table) -> bool:
+    """Whether there are no normals."""
+    return not vertex.fields.keys() & _NORMALS
 
 
 def _sound(face: Table, vertex: Table, file: IO[bytes], first: int, last: int) -> bool:
@@ -170,12 +207,15 @@ def _sound(face: Table, vertex: Table, file: IO[bytes], first: int, last: int) -
 
 
 def _normals(vertex: Table, file: IO[bytes], first: int, last: int, all_finite: bool) -> bool | None:
-    """Whether the normals of vertices first .. last - 1 are unit; None if one has no direction, or is nowhere and `all_finite` is asked for."""
+    """Whether the normals of vertices first .. last - 1, if they have any, are unit; None if one has no direction, or is nowhere and `all_finite` is
+    asked for."""
     unit = True
     for _, rows in vertex.read(file, first, last):
         finite = np.isfinite(vertex.stacked(rows, "xyz")).all(1)
         if all_finite and not finite.all():
             return None
+        if _bare(vertex):
+            continue
         normals = vertex.stacked(rows, ("nx", "ny", "nz"))[finite]
         with np.errstate(all="ignore"):
             square = np.einsum("ij,ij->i", normals, normals)

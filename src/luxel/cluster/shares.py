@@ -98,7 +98,7 @@ def _in_parts(path: Path, group: Comm, crease_angle: float | None) -> tuple[Scen
         return folder_share(path, group, crease_angle)
     extension = path.suffix.lower()
     if extension == ".ply":
-        return load_share(path, group)
+        return load_share(path, group, crease_angle)
     return gltf_share(path, group, crease_angle) if extension in (".gltf", ".glb") else None
 
 

@@ -8,6 +8,7 @@ corner takes only the faces around its vertex that turn from its own face by no 
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -39,19 +40,21 @@ def vertex_normals(positions: object, triangles: object) -> Array:
     return _unit(_smooth(positions, triangles, same), same)
 
 
-def with_normals(mesh: Mesh, crease_angle: float | None = CREASE_ANGLE) -> Mesh:
+def with_normals(mesh: Mesh, crease_angle: float | None = CREASE_ANGLE, numbers: Array | None = None) -> Mesh:
     """`mesh` with new normals; other attributes are kept, and shared where no vertex is added.
 
     Args:
         mesh: Not changed.
         crease_angle: Radians. Where faces around a vertex turn by more than this, the vertex is duplicated, with a normal for each
             side; None or pi smooths everything and duplicates nothing, 0 gives flat faces.
+        numbers: (m,) int64, ascending: where `mesh` is a part of a larger one, its triangles in that. Then vertices of which the part has all
+            triangles get that mesh's normals, to the last bit.
     """
     if crease_angle is not None and not (isinstance(crease_angle, (int, float, np.number)) and 0 <= crease_angle <= np.pi + 1e-6):
         raise InputError(f"crease_angle: expected radians in 0..pi, got {crease_angle!r}")
     with np.errstate(all="ignore"):
         same = weld(mesh.positions)
-        sums = _smooth(mesh.positions, mesh.triangles, same)
+        sums = _smooth(mesh.positions, mesh.triangles, same, numbers)
         normals = _unit(sums, same)
         del sums
         if crease_angle is None or crease_angle >= np.pi:
@@ -106,15 +109,21 @@ def _equal_to_next(positions: Array, order: Array) -> Array:
     return out
 
 
-def _neighbours(positions: Array) -> tuple[Array, Array]:
-    """Vertices (n,) int32 ordered by a hash of their place, then number; and whether each has the hash of the next."""
-    bits = np.uint64(max(len(positions), 2).bit_length())
+def place_keys(positions: Array) -> Array:
+    """(n,) uint64: a hash of each place (n, 3) float32; equal places have equal ones."""
     key = np.zeros(len(positions), np.uint64)
     for k in range(3):
         key += (positions[:, k] + np.float32(0)).view(np.uint32)  # + 0 turns -0 into 0
         key *= np.uint64(0xBF58476D1CE4E5B9)
         key ^= key >> np.uint64(29)
     key *= np.uint64(0x94D049BB133111EB)
+    return key
+
+
+def _neighbours(positions: Array) -> tuple[Array, Array]:
+    """Vertices (n,) int32 ordered by a hash of their place, then number; and whether each has the hash of the next."""
+    bits = np.uint64(max(len(positions), 2).bit_length())
+    key = place_keys(positions)
     key >>= bits
     key <<= bits
     key |= np.arange(len(key), dtype=np.uint64)  # sorting the number with the hash is much quicker than an argsort
@@ -149,11 +158,14 @@ def _corner_weights(positions: Array, triangles: Array) -> tuple[Array, Array]:
     return normal, angles
 
 
-def _smooth(positions: Array, triangles: Array, same: Array | None) -> Array:
-    """(n, 3) float64: the weighted sum of face normals at each (welded) vertex."""
+def _smooth(positions: Array, triangles: Array, same: Array | None, numbers: Array | None = None) -> Array:
+    """(n, 3) float64: the weighted sum of face normals at each (welded) vertex. It is taken chunk by chunk; of a part, by the chunks of the whole."""
     sums = np.zeros((len(positions), 3))
-    for start in range(0, len(triangles), _CHUNK):
-        chunk = triangles[start : start + _CHUNK]
+    cuts = np.arange(0, len(triangles), _CHUNK)
+    if numbers is not None:
+        cuts = np.flatnonzero(np.diff(numbers // _CHUNK, prepend=-1))
+    for start, end in pairwise([*cuts.tolist(), len(triangles)]):
+        chunk = triangles[start:end]
         normal, angles = _corner_weights(positions, chunk)
         vertex = (chunk if same is None else same[chunk]).reshape(-1)
         low = int(vertex.min())
