@@ -272,8 +272,8 @@ def fill(problem: Problem, source: Source, chosen: Array, rows: Rows, labour: La
     parts = labour.join(parts, -(-problem.elements.numbers.shape[1] // BLOCK), grain=1)
     sums, areas = parts.sum(1), source.tree.place[who.node, 7].astype(np.float64)
     scale = np.divide(areas, sums, out=np.ones(len(to)), where=sums > 0)
-    leaks = escaped.any(1)
-    scale[leaks] = np.minimum(scale[leaks], 1.0)  # only if it sees nothing but fronts is all of its light received, and never more than all
+    leaks = escaped.any(1)  # only if it sees nothing but fronts is all of its light received
+    scale[leaks] = 1.0 if source is problem.lights else np.minimum(scale[leaks], 1.0)  # what is passed on is never more than all
     rows.scale[to] = np.clip(scale, *SCALE_RANGE)
     rows.lost[to] = 1.0 - rows.scale[to] * sums / areas
     return slots
@@ -309,7 +309,8 @@ def light_steps(problem: Problem, state: State, rows: Rows, labour: Labour) -> I
         radiosity = mean(problem.exitance, lights.numbers[AREA], lights.tree)[chosen]
         gained, lost = _shoot(problem, lights, chosen, rows, radiosity, labour)
         state.whole = False
-        state.escaped = state.escaped + lost
+        state.escaped = state.escaped + np.maximum(lost, 0.0)
+        state.emitted = state.emitted + np.maximum(-lost, 0.0)  # what luxels receive is known better than what a light is to have sent
         state.lights_left -= len(chosen)
         state.take_in(problem, gained, labour.threads, from_lights=True)
         _write(state, problem, len(chosen))
