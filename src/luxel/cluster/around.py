@@ -14,23 +14,27 @@ from luxel.arrays import Array
 from luxel.cluster.ply_table import PIECE, Table, compact, corners
 from luxel.scene.normals import place_keys
 
-_ROOM = 8  # entries of a table for each vertex that is looked for: what meets another's entry by chance is held in vain, and does no harm
+_ROOM = 8  # entries of a table for each place that is looked for: most others are told by it
 
 
 def around(vertex: Table, face: Table, file: IO[bytes], own: Array) -> tuple[Array, Array]:
     """All faces with a corner where the triangles `own` (k, 3) have one: their numbers (m,) int64, ascending, and corners (m, 3)."""
-    wanted = place_keys(vertex.stacked(vertex.take(file, compact(own)[0]), "xyz"))
+    wanted = np.unique(place_keys(vertex.stacked(vertex.take(file, compact(own)[0]), "xyz")))
     mask = np.uint64((1 << (_ROOM * len(wanted)).bit_length()) - 1)
     table = np.zeros(int(mask) + 1, bool)
     table[wanted & mask] = True
     near = np.empty(vertex.rows, bool)
     for start, rows in vertex.read(file, 0, vertex.rows):
-        near[start : start + len(rows)] = table[place_keys(vertex.stacked(rows, "xyz")) & mask]
-    numbers, found = [np.zeros(0, np.int64)], [own[:0]]
+        keys = place_keys(vertex.stacked(rows, "xyz"))
+        found = table[keys & mask]
+        maybe = keys[found]
+        found[found] = wanted[np.minimum(np.searchsorted(wanted, maybe), len(wanted) - 1)] == maybe
+        near[start : start + len(rows)] = found
+    numbers, faces = [np.zeros(0, np.int64)], [own[:0]]
     for start in range(0, face.rows, PIECE):
         piece = corners(face, file, start, min(start + PIECE, face.rows))
         assert piece is not None  # ranks have seen that all are triangles
         chosen = np.flatnonzero(near[piece].any(1))
         numbers.append(start + chosen)
-        found.append(piece[chosen])
-    return np.concatenate(numbers), np.concatenate(found)
+        faces.append(piece[chosen])
+    return np.concatenate(numbers), np.concatenate(faces)
