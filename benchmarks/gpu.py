@@ -36,7 +36,8 @@ from report import machine, median, meshes, milliseconds, table, write_section
 
 SIZE = (1920, 1080)
 SPHERES = (10_000, 100_000, 1_000_000, 10_000_000, 100_000_000)
-PARTS = ("ceilings", "frames", "stages", "samples", "split", "views", "rooms", "growth", "relight", "first", "leak")
+FAILED: list[str] = []
+PARTS = ("suite", "ceilings", "frames", "stages", "samples", "split", "views", "rooms", "growth", "relight", "factors", "first", "leak")
 RESULTS = Path(__file__).with_name("RESULTS-gpu.md")
 COLOR, IDS = Options(outputs=("color",)), Options(outputs=("triangle", "depth"))
 
@@ -116,19 +117,21 @@ def ceilings() -> str:
 def frames(largest: int) -> str:
     rows, rate = [], copy_rate()
     for name, scene in scenes(largest):
-        prepared = prepare(scene)
+        free, prepared = gpu().free_memory(), prepare(scene)
         resident = Resident(gpu(), prepared)
         camera = camera_for(scene, SIZE)
         color = seconds(drawing(resident, [camera], SIZE, COLOR))
         ids = seconds(drawing(resident, [camera], SIZE, IDS))
+        held = free - gpu().free_memory()
         count, least = len(prepared.geometry.triangles), floor(prepared, SIZE, 1, rate)
         cpu = median([once(partial(render, prepared, camera, SIZE)) for _ in range(4)][1:])
         peer = nvdiffrast(prepared, camera)
         rows.append([name, f"{count:,}", milliseconds(color), f"{count / color / 1e9:.2f}", milliseconds(least), f"{color / least:.1f}x",
                      milliseconds(cpu), f"{cpu / color:.0f}x", milliseconds(ids), "–" if peer is None else milliseconds(peer),
-                     "–" if peer is None else f"{peer / ids:.1f}x"])  # fmt: skip
+                     "–" if peer is None else f"{peer / ids:.1f}x", f"{held / 1e6:,.0f}"])  # fmt: skip
+        print(*rows[-1], flush=True)  # if time runs out
     head = ["scene", "triangles", "colour, ms", "Gtri/s", "traffic floor, ms", "over floor", "processor, ms", "faster", "ids and depth, ms",
-            "nvdiffrast, ms", "faster"]  # fmt: skip
+            "nvdiffrast, ms", "faster", "GPU memory, MB"]  # fmt: skip
     return table(head, rows)
 
 
@@ -234,9 +237,21 @@ def leak(largest: int) -> str:
     return f"10,000 frames of 320x240 in {taken:.1f} s: {grown[0]:+.1f} MB on the device, {grown[1]:+.1f} MB in the process."
 
 
+def suite(largest: int) -> str:
+    """The tests, all of them on this GPU; what failed is shown, and ends this with an error."""
+    command = [sys.executable, "-m", "pytest", "tests/cuda", "-q", "-p", "no:cacheprovider", "-rs"]
+    done = subprocess.run(command, cwd=Path(__file__).parents[1], capture_output=True, text=True)
+    lines = done.stdout.strip().splitlines()
+    if done.returncode:
+        print(done.stdout, done.stderr, file=sys.stderr)
+        FAILED.append("suite")
+    left_out = [f"- {line}" for line in lines if line.startswith(("SKIPPED", "FAILED"))]
+    return "\n".join(["`pytest tests/cuda`: " + lines[-1].strip("= "), "", *left_out])
+
+
 def part(name: str) -> Callable[[int], str]:
     """What makes a table."""
-    if name in ("rooms", "growth", "relight"):
+    if name in ("rooms", "growth", "relight", "factors"):
         import gpu_bake
 
         return getattr(gpu_bake, name)
@@ -259,6 +274,8 @@ def main() -> None:
         print(f"## {name}\n\n{text}\n\n({time.perf_counter() - started:.0f} s)\n", flush=True)
         if arguments.write:
             write_section(name.capitalize(), f"{text}\n\n{gpu().name}; {machine()}", RESULTS)
+    if FAILED:
+        raise SystemExit(f"gpu: {', '.join(FAILED)} failed")
 
 
 if __name__ == "__main__":

@@ -10,6 +10,9 @@ import time
 from functools import partial
 from typing import Any, NamedTuple
 
+import numpy as np
+
+import luxel
 from luxel.cuda.device import gpu
 from luxel.cuda.relight import resident
 from luxel.radiosity.bake import Baked, Progress, bake
@@ -54,7 +57,7 @@ def rooms(largest: int) -> str:
     """The paper's rooms, to 0.1 % unshot."""
     rows = []
     for name in ROOMS:
-        for quality in ("draft", "normal", "final"):
+        for quality in ("draft", "normal", "final", "progressive"):
             runs = [timed(name, "cuda", quality=quality) for _ in range(4)][1:]
             here = sorted(runs, key=lambda run: run.light)[1]
             cpu = median([timed(name, "cpu", quality=quality).light for _ in range(4)][1:])
@@ -91,3 +94,22 @@ def relight(largest: int) -> str:
         cpu = median([once(partial(transport.solve, emission)) for _ in range(6)][1:])
         rows.append([name, f"{len(transport.area):,}", milliseconds(here), milliseconds(whole), milliseconds(cpu), f"{cpu / whole:.0f}x"])
     return table(["scene", "elements", "left on the device, ms", "fetched, ms", "processor, ms", "faster"], rows)
+
+
+def factors(largest: int) -> str:
+    """Form factors of a furnished room in patches; the second run, as the first compiles."""
+    from form_factors import room
+    from gpu import once
+
+    rows = []
+    for size in (0.75, 0.4, 0.2):
+        meshes, found = room(size), {}
+
+        def run(device: str) -> float:
+            return once(lambda: found.update({device: luxel.form_factors(meshes, one_sided=True, device=device)}))  # noqa: B023 - called at once
+
+        here, cpu = ([run(device) for _ in range(2)][1] for device in ("cuda", "cpu"))
+        apart = np.abs(found["cuda"].data / found["cpu"].data - 1).max() if found["cuda"].nnz == found["cpu"].nnz else np.nan
+        rows.append([f"{len(meshes):,}", f"{found['cpu'].nnz:,}", f"{here:.2f}", f"{cpu:.2f}", f"{cpu / here:.1f}x", f"{apart:.1e}"])
+        print(*rows[-1], flush=True)  # if time runs out
+    return table(["surfaces", "factors", "GPU, s", "processor, s", "faster", "largest difference"], rows)

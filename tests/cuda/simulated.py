@@ -66,10 +66,11 @@ def baked():
 
 def form_factors():
     """With pairs that something stands between."""
-    rng = np.random.default_rng(1)
-    corners = rng.normal(size=(7, 3, 3)).astype(np.float32)
-    meshes = [luxel.Mesh(c, np.array([[0, 1, 2]], np.int32)) for c in corners]
-    ours, theirs = (luxel.form_factors(meshes, tolerance=0.3, device=device) for device in ("cpu", "cuda"))
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
+    meshes = [luxel.Mesh(corners * size + (0, 0, z), np.array([[0, 1, 2]], np.int32)) for size, z in ((1, 0), (0.5, 0.5), (1, 1))]
+    ours, theirs = (luxel.form_factors(meshes, tolerance=0.5, device=device) for device in ("cpu", "cuda"))
+    alone = luxel.form_factors([meshes[0], meshes[2]], tolerance=0.5)
+    assert 0 < ours[0, 2] < 0.9 * alone[0, 1]  # hidden in part
     np.testing.assert_array_equal(ours.indices, theirs.indices)
     np.testing.assert_allclose(theirs.data, ours.data, rtol=1e-12)
 

@@ -174,6 +174,12 @@ def test_kept_transport_and_layers(on):
         np.testing.assert_allclose(theirs.layers[name], layer, atol=ONE_LUXEL * ours.irradiance.mean())
 
 
+def test_more_rays_than_rows_of_a_grid(on, monkeypatch):
+    whole = on(box(), quality="final", density=5)
+    monkeypatch.setattr(gpu_labour, "_MOST_ROWS", 7)
+    np.testing.assert_array_equal(on(box(), quality="final", density=5).irradiance, whole.irradiance)
+
+
 class Stop(Exception):
     pass
 

@@ -22,10 +22,12 @@ from luxel.errors import ExtraMissingError
 if importlib.util.find_spec("numba_cuda") is None:
     raise ExtraMissingError("numba-cuda", "cuda", "drawing on a GPU")
 
+import numba_cuda
 from numba import cuda
 
-__all__ = ["SIMULATED", "columns", "configured", "cuda", "function", "initialise", "kernel", "libdevice"]
+__all__ = ["SIMULATED", "VERSION", "columns", "configured", "cuda", "function", "initialise", "kernel", "libdevice"]
 
+VERSION = str(numba_cuda.__version__)
 SIMULATED = os.environ.get("NUMBA_ENABLE_CUDASIM", "0") not in ("", "0")
 libdevice: Any = None if SIMULATED else importlib.import_module("numba.cuda.libdevice")
 
@@ -66,7 +68,7 @@ def kernel(python: Callable[..., Any]) -> Any:
     config = _numba("config")
     before, folder = config.CACHE_DIR, jit.cache_folder()
     if folder:
-        config.CACHE_DIR = str(Path(folder) / f"cuda-{jit.digest(python.__module__)}")
+        config.CACHE_DIR = str(Path(folder) / f"cuda-{VERSION}-{jit.digest(python.__module__)}")
     try:
         made = cuda.jit(python, lto=False, cache=bool(folder))  # what is linked at last would be fused again
     finally:

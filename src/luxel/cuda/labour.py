@@ -31,6 +31,7 @@ from luxel.radiosity.solve import Problem, State
 from luxel.radiosity.transport import Elements, Occluders, Shooters, Visibility
 
 _F = np.float32
+_MOST_ROWS = 1 << 15  # of a grid; a card takes no more than twice as many
 _FEW_TRIANGLES = 1 << 14  # up to so many are drawn by a warp each, more by a thread each
 
 
@@ -181,7 +182,7 @@ class GpuLabour(Labour):
         """What elements see, kept on the GPU."""
         gpu, eyes, n = self.gpu, self.eyes(view), view.numbers.shape[1]
         hits, away, directions = gpu.columns((n, rays), np.int32), gpu.empty((n,), np.float64), self._directions(rays)
-        step = max(1, min(rays, memory.RAYS_AT_ONCE // n))
+        step = max(1, min(rays, memory.RAYS_AT_ONCE // n, _MOST_ROWS))
         for ray in range(0, rays, step):
             last = min(rays, ray + step)
             gpu.launch(self.kernels.look, (n, last - ray), eyes, 0, ray, directions, hits)
@@ -198,7 +199,8 @@ class GpuLabour(Labour):
         directions = self._directions(rays)
         for first in range(0, n, step):
             count = min(step, n - first)
-            gpu.launch(self.kernels.look, (count, rays), eyes, first, 0, directions, hits)
+            for ray in range(0, rays, _MOST_ROWS):
+                gpu.launch(self.kernels.look, (count, min(_MOST_ROWS, rays - ray)), eyes, first, ray, directions, hits)
             gpu.launch(self.kernels.gather_mean, (count, 1), first, hits, there, result)
             gpu.wait()
             told((first + count) / n)
