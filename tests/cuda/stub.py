@@ -12,6 +12,7 @@ from luxel.cuda import door
 from luxel.cuda.device import Gpu
 from luxel.cuda.threads.settle import PARTS, SUMS
 
+typeof = import_module("numba.cuda.typing.typeof").typeof
 BYTES = {"u8": 1, "b8": 1, "u32": 4, "b32": 4, "f32": 4, "u64": 8, "b64": 8, "f64": 8}
 
 
@@ -27,25 +28,40 @@ class _Memory:
         return 4096
 
 
-def install(patch):
-    """Let Numba believe in a card of compute capability 9.0. Returns what is launched: kernels of Numba by name of luxel's."""
+CARDS = [(7, 5), (9, 0)]
+
+
+def install(patch, *modules):
+    """Let Numba believe in a card of compute capability 9.0. Returns what is launched: kernels of Numba by name of luxel's.
+
+    The kernels of `modules` are compiled for `CARDS`, and kept on disk beside those for real cards until their source changes.
+    """
     dispatcher, codegen, devices = (import_module(f"numba.cuda.{name}") for name in ("dispatcher", "codegen", "cudadrv.devices"))
-    launched = {}
+    launched = Stub.launched = {}
     context = SimpleNamespace(device=SimpleNamespace(compute_capability=(9, 0), id=0))
     patch.setattr(devices, "get_context", lambda *_: context)
     patch.setattr(dispatcher, "get_current_device", lambda: context.device)
     patch.setattr(codegen.CUDACodeLibrary, "_ensure_cc", lambda self, card: card or (9, 0))
-    patch.setattr(dispatcher._Kernel, "bind", lambda self: None)
-    patch.setattr(jit, "cache_folder", lambda: "")
-    for name, does in (("load_overload", lambda *_: None), ("save_overload", lambda *_: None)):  # of kernels that were imported before
-        patch.setattr(dispatcher.CUDACache, name, does)
+    patch.setattr(dispatcher._Kernel, "bind", lambda self: [self._codelibrary.get_asm_strs(card) for card in CARDS])
+    keep_on_disk(patch, dispatcher, modules)
 
     def launch(self, arguments, *_):
-        launched[self.py_func.__name__] = self
+        assert tuple(map(typeof, arguments)) == self.argument_types  # whatever their shapes are
         check_arguments(self, arguments)
 
     patch.setattr(dispatcher._Kernel, "launch", launch)
     return launched
+
+
+def keep_on_disk(patch, dispatcher, modules):
+    """Give kernels caches of their own: what is compiled here has no machine code, and must not be found on a real card."""
+    config, folder = door._numba("config"), jit.cache_folder()
+    for module in modules:
+        for kernel in [item for item in vars(module).values() if hasattr(item, "py_func")] if folder else []:
+            with patch.context() as changed:
+                changed.setattr(config, "CACHE_DIR", f"{folder}/stub-{door.VERSION}-{jit.digest(module.__name__)}")
+                kept = dispatcher.CUDACache(kernel.py_func)
+            patch.setattr(kernel, "_cache", kept)
 
 
 def parameters(text):
@@ -83,6 +99,11 @@ class Stub(Gpu):
 
     def free_memory(self):
         return 1 << 40
+
+    def launch(self, kernel, shape, *given):
+        super().launch(kernel, shape, *given)
+        if 0 not in shape:
+            self.launched[kernel.py_func.__name__] = self._compiled[kernel]
 
     def _allocated(self, shape, dtype, order):
         made = import_module("numba.cuda.api").prepare_shape_strides_dtype(shape, None, np.dtype(dtype), order)

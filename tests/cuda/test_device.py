@@ -126,7 +126,7 @@ def test_dlpack_describes_the_array(dtype):
     capsule = array.__dlpack__()
     tensor = ctypes.cast(shared._pointer(id(capsule), b"dltensor"), ctypes.POINTER(shared._Managed)).contents.tensor
     assert array.__dlpack_device__() == (2, 0) == (tensor.device.kind, tensor.device.number)
-    assert (tensor.data, tensor.ndim, tuple(tensor.shape[:2])) == (owner.ctypes.data, 2, (5, 4))
+    assert (tensor.data, tensor.ndim, tuple(tensor.shape[:2]), tuple(tensor.strides[:2])) == (owner.ctypes.data, 2, (5, 4), (4, 1))
     assert (tensor.dtype.bits, tensor.dtype.lanes) == (8 * owner.itemsize, 1)
     assert array.__cuda_array_interface__["data"] == (owner.ctypes.data, False)
     assert array.__cuda_array_interface__["typestr"] == owner.dtype.str

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 import stub
-from gpu_drawing import EVERYTHING, camera, materials, soup
+from gpu_drawing import EVERYTHING, camera, materials, plain, soup
 
 import luxel
 from luxel.cuda import bake_kernels, kernels, light_kernels, pair_kernels
@@ -18,7 +18,6 @@ from luxel.radiosity.elements import Quality
 from luxel.raster.render import Options, prepare
 from luxel.scene.builtin import cornell_box
 
-CARDS = [(7, 5), (9, 0)]
 ARCS = ("sky_light", "exchange_plain", "exchange_hidden")  # CUDA's sine, arc tangent and logarithm of float64 are made of fused operations
 MODULES = kernels, light_kernels, bake_kernels, pair_kernels
 LARGEST_ARGUMENTS = 4096  # bytes; what every driver takes
@@ -42,19 +41,21 @@ def launched():
     bare = [luxel.Material(alpha_mode=mode) for mode in ("OPAQUE", "MASK", "BLEND")]
     transport = bake(cornell_box(), density=2, transport=True).transport
     with pytest.MonkeyPatch.context() as patch:
-        found = stub.install(patch)
+        found = stub.install(patch, *MODULES)
         for made, shading, options in ((bare, None, {"filter": "tent"}), (bare, "gouraud", {}), (materials(), None, {"outputs": EVERYTHING})):
             for keep in (True, False):
                 resident = Resident(stub.Stub(), prepare(scene(made), shading))
                 pictures = draw_views(resident, [camera(), camera(3)], (20, 10), Options(samples=2, **options), [camera(4), None], keep)
                 assert [picture.size for picture in pictures] == [(20, 10)] * 2
+            draw_views(resident, [camera()], (1, 1), Options(**options), [None])
         solver = ResidentTransport(stub.Stub(), transport)
         solver.solve(transport.powers(transport.emission), None, transport.albedo, 1.0, 1.0)
-        for seen in (16, 0):
+        for seen, gathered in ((16, 16), (1, 1), (0, 0)):
             patch.setattr("luxel.radiosity.bake.labour_of", lambda *_: GpuLabour(stub.Stub(), 1))
-            bake(lit_box(), density=2, sky=1.0, quality=Quality(4, 16, 1, seen, 16))
+            bake(lit_box(), density=2, sky=1.0, quality=Quality(4, 16, 1, seen, gathered))
         patch.setattr("luxel.cuda.form_factors.find", lambda *_: stub.Stub())
         luxel.form_factors([cornell_box().meshes[0]] * 2, device="cuda")
+        luxel.form_factors([plain(0, 1).meshes[0]] * 2, device="cuda")
         yield found
 
 
@@ -72,7 +73,7 @@ def test_kernels_have_names_of_their_own():
 
 
 def test_kernels_are_always_given_the_same_types(launched):
-    """Whatever is drawn: so launches need not look at them."""
+    """Whatever is drawn, and if it is one pixel, one ray, one row or column: so launches need not look at them. `stub` does, each time."""
     for module in MODULES:
         for name, value in vars(module).items():
             if name in launched and hasattr(value, "py_func"):
@@ -81,7 +82,7 @@ def test_kernels_are_always_given_the_same_types(launched):
 
 @pytest.mark.parametrize("name", grids())
 def test_kernel_compiles_without_fused_operations(launched, name):
-    for card in CARDS:
+    for card in stub.CARDS:
         text = ptx(launched[name], card)
         assert f".target sm_{card[0]}{card[1]}" in text
         assert text.count(".entry") == 1
@@ -91,6 +92,16 @@ def test_kernel_compiles_without_fused_operations(launched, name):
         assert not re.findall(r"\bfma\.|\bmad\.\w*\.?f", text)
         assert not re.findall(r"\b(?:mul|add|sub)\.(?:ftz\.)?f(?:32|64)\b", text)  # without .rn, the assembler may fuse them
         assert not re.findall(r"\b(?:div|sqrt)\.(?:approx|full)|\.ftz", text)
+
+
+@pytest.mark.parametrize("shape", [(1, 5), (5, 1), (1, 1), (0, 4), (4, 0), (3, 2)])
+def test_arrays_are_stored_as_said_whatever_their_shape(launched, shape):
+    """Row by row, also if the processor's is spread from one row or transposed; or column by column."""
+    there = stub.Stub()
+    for host in (np.zeros(shape), np.broadcast_to(np.zeros(shape[1]), shape), np.zeros(shape[::-1]).T):
+        assert stub.typeof(there.array(host)).layout == "C"
+    assert stub.typeof(there.empty(shape, np.float64)).layout == "C"
+    assert stub.typeof(there.columns(shape, np.float64)).layout == "F"
 
 
 def test_minimum_is_one_64_bit_operation_on_memory(launched):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -110,10 +111,11 @@ class DeviceArray:
         if copy or (dl_device is not None and tuple(dl_device) != self._device):
             raise BufferError("this array is handed over where it is, without a copy")
         managed, shape = _Managed(), (ctypes.c_int64 * max(self.ndim, 1))(*self.shape)
+        strides = (ctypes.c_int64 * max(self.ndim, 1))(*(math.prod(self.shape[axis + 1 :]) for axis in range(self.ndim)))
         kind = _Type(_KINDS[self.dtype.kind], 8 * self.dtype.itemsize, 1)
-        managed.tensor = _Tensor(self.pointer, _Device(*self._device), self.ndim, kind, shape, None, 0)
+        managed.tensor = _Tensor(self.pointer, _Device(*self._device), self.ndim, kind, shape, strides, 0)
         managed.deleter = _give_back
-        _lent[ctypes.addressof(managed)] = managed, shape, self
+        _lent[ctypes.addressof(managed)] = managed, shape, strides, self
         return _new(ctypes.addressof(managed), _NAME, _forget)
 
     def __repr__(self) -> str:
