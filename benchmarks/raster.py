@@ -193,14 +193,16 @@ llvmpipe with {options.threads} in turns. Lambert-lit; llvmpipe leaves its colou
 
 {table(HEAD, [case.row() for case in cases])}
 
+In its turn each draws two frames, and the second is timed: frames of one scene follow each other, and find their own data in the caches.
+
 The aims are twice as fast as llvmpipe at every size, three times from 100 k triangles on, four times with MSAA 4, and 1.8 times as fast with two
 threads as with one. What limits small scenes is work by the pixel, which no triangle count takes away: fragments are filled, lit and encoded. It is
-arithmetic, not memory (see the floor). Two threads gain less there: one alone prepares, projects and bins for half a millisecond, and the second
-starts late.
+arithmetic, not memory (see the floor). Two threads gain less there: one alone prepares, projects and bins for half a millisecond, the second starts
+0.08 ms late, and two cores at work are each 5% slower than one; docs/decisions/0019 counts where the time of a frame goes.
 What brought it here: planes of a triangle set up once a tile and runs filled eight fragments at a time, triangles judged and set up in vector
-registers, whole opaque pixels written straight to the picture, memory used again, one loop for Lambert under a directional light, and tiles that
-are covered and shaded at once, so that what is visible stays in the core's cache. Frame after frame of one scene, without the peer in between,
-takes 10 to 15% less: both leave the other's data in the caches. Tried without gain: 512-bit vectors, spans for triangles from 8 pixels on.
+registers, four samples drawn at once, whole opaque pixels written straight to the picture, memory used again, one loop that lights and encodes
+Lambert under a directional light in vectors of 512 bits, tiles that are covered and shaded at once, so that what is visible stays in the core's
+cache, and threads that begin at both ends of the picture. Tried without gain: 512-bit vectors elsewhere, spans for triangles from 8 pixels on.
 
 {_short(cases)}
 
