@@ -95,7 +95,9 @@ def _reach(boxes, start, blocks, planes, chunks_out, blocks_out):
             far = planes[k, 3]
             for axis in range(3):
                 far += planes[k, axis] * (boxes[c, 3 + axis] if planes[k, axis] > 0.0 else boxes[c, axis])
-            outside |= far < 0.0
+            if far < 0.0:
+                outside = True
+                break
         if not outside:
             chunks_out[c] = 1
             for k in range(start[c], start[c + 1]):
@@ -108,7 +110,7 @@ def reach(chunks: Chunks, view: View, window: Window, bounds: tuple[int, int, in
     x, y, _, w = view.clip_from_world
     left, right = ((window.x + side) / window.full_width * 2 - 1 for side in (bounds[0] - _SPARE, bounds[2] + _SPARE))
     top, bottom = (1 - (window.y + side) / window.full_height * 2 for side in (bounds[1] - _SPARE, bounds[3] + _SPARE))
-    planes = np.stack([x - left * w, right * w - x, top * w - y, y - bottom * w, w])  # a point is inside where all are at least 0
+    planes = np.stack([top * w - y, y - bottom * w, x - left * w, right * w - x, w])  # a point is inside where all are at least 0
     with np.errstate(all="ignore"):
         _reach(chunks.boxes, chunks.start, chunks.blocks, planes, *out)
     return out
