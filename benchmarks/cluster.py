@@ -149,7 +149,8 @@ def bake_rank(*qualities: str) -> None:
     found: dict[str, Any] = {}
     with comm.guard():
         made = room_complex()
-        bake(made, quality="final", density=3, threads=1, comm=comm)  # compiles
+        for quality in qualities:
+            bake(made, quality=quality, density=3, threads=1, comm=comm)  # compiles
         for quality in qualities:
             sent, waited = comm.sent, comm.waited
             comm.gather(0)
