@@ -41,3 +41,12 @@ class DeviceError(LuxelError):
 
 class LuxelWarning(UserWarning):
     """Something in the input was dropped, repaired or ignored, and the result goes on without it."""
+
+
+def in_words(error: BaseException) -> str | None:
+    """What luxel's own errors, a lack of memory, and what the system says of a file come down to in a line; None for others, whose place matters."""
+    if isinstance(error, LuxelError):
+        return str(error)
+    if isinstance(error, MemoryError):
+        return f"not enough memory: {error or 'no more could be had'}"
+    return f"{error.filename}: {error.strerror}" if isinstance(error, OSError) and error.filename else None

@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Sequence
 
 from luxel import interrupts
-from luxel.errors import LuxelError
+from luxel.errors import LuxelError, in_words
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -46,9 +46,9 @@ def _guarded(words: list[str]) -> int:
     except LuxelError as error:
         return _fail(str(error), 2, words, error)
     except OSError as error:
-        return _fail(f"{error.filename}: {error.strerror}" if error.filename else str(error), 2, words, error)
+        return _fail(in_words(error) or str(error), 2, words, error)
     except MemoryError as error:
-        return _fail(f"not enough memory: {error or 'no more could be had'}", 1, words, error)
+        return _fail(in_words(error) or "", 1, words, error)
     except Exception as error:
         if interrupts.interrupted():
             print(f"luxel: {interrupts.told()}", file=sys.stderr)  # noqa: T201

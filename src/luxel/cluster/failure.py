@@ -18,7 +18,7 @@ from collections.abc import Callable
 from contextlib import suppress
 
 from luxel import interrupts
-from luxel.errors import LuxelError
+from luxel.errors import in_words
 
 FAILED = 2
 _LAST_WORD = 0.5  # seconds that the launcher has to pass on what a rank said before it stops them all
@@ -83,15 +83,9 @@ class Witness:
 
 def told(error: BaseException) -> str:
     """What an error says: luxel's own and the system's in a line, others with their traceback."""
-    if isinstance(error, LuxelError):
-        return str(error)
-    if isinstance(error, MemoryError):
-        return f"not enough memory: {error or 'no more could be had'}"
-    if isinstance(error, OSError) and error.filename:
-        return f"{error.filename}: {error.strerror}"
     if isinstance(error, SystemExit):
         return f"left with exit code {error.code}"
-    return "".join(traceback.format_exception(error)).rstrip()
+    return in_words(error) or "".join(traceback.format_exception(error)).rstrip()
 
 
 def _wait(read: int, rank: int, launcher: int) -> None:
