@@ -15,7 +15,7 @@ import pytest
 from scenes import UNLIT, around, flat_camera, rectangle, room
 
 import luxel
-from luxel import Camera, Light, Material, Mesh, Scene, Texture, TextureRef
+from luxel import Camera, Light, Material, Mesh, Scene, Texture, TextureRef, jit
 from luxel.raster import bin, clip, cover, layer, outputs, project, resolve, shade
 
 NAMES = ("color", "triangle", "depth")
@@ -144,3 +144,26 @@ def test_kernels_compile_once():
 def test_importing_luxel_imports_no_numba():
     done = in_child("import luxel; luxel.Scene, luxel.Camera, luxel.load; print('numba' in sys.modules, 'scipy' in sys.modules)")
     assert done.stdout == "False False\n", done.stderr
+
+
+def test_what_fails_in_a_helping_thread_is_told():
+    """And the helper lives on; a caller that fails first is not kept waiting by helpers that have not begun."""
+    main = threading.current_thread()
+    both = threading.Barrier(2, timeout=60)
+
+    def fail(queue, here):
+        both.wait()
+        if (threading.current_thread() is main) == here:
+            raise ValueError("in here")
+
+    for here in (False, True, False):
+        with pytest.raises(ValueError, match="in here"):
+            jit.run(fail, 2, here)
+
+    def count(queue, numbers):
+        while (number := next(numbers)) < 20:
+            found.append(number)
+
+    found, numbers = [], iter(range(10**6))
+    jit.run(count, 5, numbers)
+    assert sorted(found) == list(range(20))
