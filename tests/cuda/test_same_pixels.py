@@ -87,6 +87,22 @@ def test_views_that_do_not_fit_together(gpu, monkeypatch):
     assert_same(*both(gpu, textured(11), [camera(z) for z in (8, 4, 1)], SIZE), step(gpu))
 
 
+@pytest.mark.parametrize("options", [{"samples": 4}, {"samples": 8, "outputs": EVERYTHING}, {"filter": "tent"}, {"shading": "gouraud"}])
+def test_memory_is_counted_before(monkeypatch, options):
+    """All of it but what pieces of clipped triangles take, and not much more."""
+    from host import Host
+
+    from luxel.cuda.resident import Resident
+    from luxel.raster.render import Options
+
+    host, counted = Host(1 << 40), []
+    resident = Resident(host, prepare(textured(1), options.pop("shading", None)))
+    monkeypatch.setattr(host, "expect", lambda size, *_: counted.append(size))
+    before = host.peak = host.held
+    frame.draw_views(resident, [camera()], (300, 200), Options(**options), [None])
+    assert host.peak - before <= counted[0] + (1 << 15) <= 1.3 * (host.peak - before)
+
+
 def test_equal_depth_goes_to_the_lower_triangle(gpu):
     """The same triangles four times over, in any order."""
     rng = np.random.default_rng(12)

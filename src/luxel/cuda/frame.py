@@ -71,10 +71,11 @@ def _views_at_once(scene: Resident, size: tuple[int, int], options: Options) -> 
     one += 16 * len(scene.prepared.geometry.positions) if scene.vertex_materials is not None else 0
     bytes_of = {name: 4 * int(np.prod(shape)) for name, (shape, _, _) in SHAPES.items()} | {"color": 4, "linear": 16}
     one += size[0] * size[1] * sum(bytes_of[name] for name in options.outputs)
-    held = scene.held()
-    if one > held:
-        scene.gpu.expect(one - held, f"a picture of {size[0]}x{size[1]} with {samples} samples")
-    return max(1, min(_MOST_VIEWS, min(_BATCH_BYTES, (scene.gpu.free_memory() + held) * 3 // 4) // one))
+    items, candidates = scene.room(0, 0)
+    held, queue = scene.held(), 16 * items + 8 * candidates
+    if one + queue > held:
+        scene.gpu.expect(one + queue - held, f"a picture of {size[0]}x{size[1]} with {samples} samples")
+    return max(1, min(_MOST_VIEWS, min(_BATCH_BYTES, (scene.gpu.free_memory() + held - queue) * 3 // 4) // one))
 
 
 def _per_sample(scene: Resident, options: Options) -> bool:
