@@ -22,12 +22,11 @@ from luxel.errors import ExtraMissingError
 if importlib.util.find_spec("numba_cuda") is None:
     raise ExtraMissingError("numba-cuda", "cuda", "drawing on a GPU")
 
-import numba_cuda
 from numba import cuda
 
 __all__ = ["SIMULATED", "VERSION", "columns", "configured", "cuda", "function", "initialise", "kernel", "libdevice"]
 
-VERSION = str(numba_cuda.__version__)
+VERSION = str(importlib.import_module("numba_cuda").__version__)
 SIMULATED = os.environ.get("NUMBA_ENABLE_CUDASIM", "0") not in ("", "0")
 libdevice: Any = None if SIMULATED else importlib.import_module("numba.cuda.libdevice")
 
