@@ -8,7 +8,7 @@ from luxel.cuda import bake_kernels
 
 globals().update(loops(bake_kernels.__name__, *bake_kernels.bodies(again)))
 _look, _shoot = again("luxel.cuda.threads.look"), again("luxel.cuda.threads.shoot")
-_look_along, _sky_light = _look.look, _look.sky_light
+_look_along, _sky_light, _closer_light = _look.look, _look.sky_light, _look.closer_light
 _draw_triangle, _fill_entry = _shoot.draw_triangle, _shoot.fill_entry
 _SCRATCH, _STACK, _CUT, _SPARE = _look.SCRATCH, _look.STACK, _shoot.MOST + 1, 2 * _shoot.MOST
 _ROW, _DEEPEST = _shoot.SCRATCH, _shoot.DEEPEST
@@ -27,6 +27,13 @@ def sky_light(n, _, given):
     local, c, stack = np.empty(3), np.empty(_SCRATCH, np.float32), np.empty(_STACK, np.int32)
     for i in range(n):
         _sky_light(i, *given, local, c, stack)
+
+
+@jit.kernel
+def closer_light(n, _, given):
+    local, c, stack = np.empty(3, np.float32), np.empty(_SCRATCH, np.float32), np.empty(_STACK, np.int32)
+    for i in range(n):
+        _closer_light(i, *given, local, c, stack)
 
 
 @jit.kernel

@@ -57,7 +57,9 @@ def baked():
 
     scene = cornell_box()
     scene.lights = [luxel.Light("directional", intensity=0.3)]
-    for number, quality in enumerate((Quality(2, 16, 1, 4, 4, tolerance=0.1), Quality(2, 16, 0, 0, 0, tolerance=0.5, patch=40, resolution=16))):
+    looking = Quality(2, 16, 1, 4, 4, tolerance=0.1)
+    shooting = Quality(2, 16, 0, 0, 0, tolerance=0.5, patch=40, resolution=16)
+    for number, quality in enumerate((looking, looking._replace(gathered=0, unlike=1.0), shooting)):
         labour._FEW_TRIANGLES, sky = (1000, 0.5) if number == 0 else (0, None)  # first by warps
         ours, theirs = (bake(scene, density=1.2, sky=sky, quality=quality, device=device) for device in ("cpu", "cuda"))
         np.testing.assert_allclose(theirs.irradiance, ours.irradiance, rtol=1e-5, atol=1e-5 * ours.irradiance.max())

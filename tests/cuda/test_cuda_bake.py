@@ -90,8 +90,9 @@ def assert_same_light(ours, theirs):
 
 
 @pytest.mark.parametrize(
-    ("quality", "options"), [("draft", {}), ("final", {"sky": (0.5, 0.7, 1.0)}), ("progressive", {}), (Quality(16, 32, 4, 32, 64, exact=True), {})],
-    ids=["draft", "sky_and_gathered", "progressive", "by_rays"],
+    ("quality", "options"),
+    [("draft", {}), ("final", {"sky": (0.5, 0.7, 1.0)}), ("normal", {}), ("progressive", {}), (Quality(16, 32, 4, 32, 64, exact=True), {})],
+    ids=["draft", "sky_and_gathered", "closer", "progressive", "by_rays"],
 )  # fmt: skip
 def test_the_same_light(on, quality, options):
     options = {"quality": quality, "density": 12, **options}

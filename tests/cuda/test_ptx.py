@@ -18,7 +18,7 @@ from luxel.radiosity.elements import Quality
 from luxel.raster.render import Options, prepare
 from luxel.scene.builtin import cornell_box
 
-ARCS = ("sky_light", "exchange_plain", "exchange_hidden")  # CUDA's sine, arc tangent and logarithm of float64 are made of fused operations
+ARCS = ("sky_light", "closer_light", "exchange_plain", "exchange_hidden")  # CUDA's sine, arc tangent and logarithm of float64 are made of fused operations
 MODULES = kernels, light_kernels, bake_kernels, pair_kernels
 LARGEST_ARGUMENTS = 4096  # bytes; what every driver takes
 
@@ -50,9 +50,9 @@ def launched():
             draw_views(resident, [camera()], (1, 1), Options(**options), [None])
         solver = ResidentTransport(stub.Stub(), transport)
         solver.solve(transport.powers(transport.emission), None, transport.albedo, 1.0, 1.0)
-        for seen, gathered in ((16, 16), (1, 1), (0, 0)):
+        for seen, gathered, unlike in ((16, 16, 1.0), (16, 0, 1.0), (1, 1, 1.0), (1, 0, 1.0), (0, 0, 1.0)):
             patch.setattr("luxel.radiosity.bake.labour_of", lambda *_: GpuLabour(stub.Stub(), 1))
-            bake(lit_box(), density=2, sky=1.0, quality=Quality(4, 16, 1, seen, gathered))
+            bake(lit_box(), density=2, sky=1.0, quality=Quality(4, 16, 1, seen, gathered, unlike))
         patch.setattr("luxel.cuda.form_factors.find", lambda *_: stub.Stub())
         luxel.form_factors([cornell_box().meshes[0]] * 2, device="cuda")
         luxel.form_factors([plain(0, 1).meshes[0]] * 2, device="cuda")

@@ -9,8 +9,8 @@ from luxel.radiosity import bake as module
 from luxel.radiosity import packet
 from luxel.radiosity.bake import bake
 from luxel.radiosity.directions import _on_hemisphere, cosine_directions
-from luxel.radiosity.element import FREE
-from luxel.radiosity.gather import LOST, NOWHERE, Sight, exchange_of, gather
+from luxel.radiosity.element import FREE, SPOTS
+from luxel.radiosity.gather import LOST, NOWHERE, Sight, _spot_of, exchange_of, gather
 from luxel.radiosity.hemicube import frames_of
 from luxel.radiosity.labour import Labour
 from luxel.radiosity.nearest import nearest
@@ -177,6 +177,56 @@ def test_a_sun_is_not_part_of_the_even_sky():
     polar, step = (8.5) * edge, 2 * np.pi / 64
     whole = 0.5 * np.pi + 499.5 * np.sin(polar) * np.cos(polar) * edge * step
     np.testing.assert_allclose(bake(floor, density=4, sky=picture).irradiance, whole, rtol=0.03)
+
+
+class Compared(Labour):
+    """Notes how elements see the last bounce: by one look, closer, and by 4,096 rays."""
+
+    def look_closer(self, view, sight, light, unlike, told):
+        closer = super().look_closer(view, sight, light, unlike, told)
+        self.seen = self.mean(sight, light), closer, super().gather(view, light, 4096, told)
+        return closer
+
+
+def last_bounces(scene, monkeypatch, **options):
+    compared = Compared(2)
+    monkeypatch.setattr(module, "labour_of", lambda *_: compared)
+    bake(scene, quality="normal", **options)
+    return compared.seen
+
+
+def test_small_bright_spots_are_looked_at_closer(monkeypatch):
+    """A lamp behind a sheet lights a small part of the ceiling: from below it is met by a ray here and there, and shows as stripes."""
+    scene = box([matte(0.05)] * 3 + [matte(0.8)] + [matte(0.05)] * 2)
+    corners = np.array([[0.45, 0.95, 0.45], [0.55, 0.95, 0.45], [0.55, 0.95, 0.55], [0.45, 0.95, 0.55]], np.float32)
+    scene.add(Mesh(corners, np.array([[0, 2, 1], [0, 3, 2]], np.int32)), matte(0.05, (50.0, 50.0, 50.0)))
+    once, closer, truth = last_bounces(scene, monkeypatch, density=24)
+
+    def error(light):
+        return float(np.sqrt(((light - truth) ** 2).mean()))
+
+    assert error(once) > 0.1 * truth.mean()
+    assert error(closer) < 0.6 * error(once)
+    assert abs(closer.mean() - truth.mean()) < 0.01 * truth.mean()  # who looks only at what is bright has too little light
+
+
+def test_what_is_alike_is_not_looked_at_again(monkeypatch):
+    scene = box([matte(0.5, (0.2, 0.2, 0.2))] * 6)
+    once, closer, _ = last_bounces(scene, monkeypatch, density=10)
+    np.testing.assert_allclose(closer, once, rtol=1e-5)
+
+
+@pytest.mark.parametrize("rays", [256, 1024])
+def test_each_part_of_the_hemisphere_is_seen_from_all_spots(rays):
+    strip = cosine_directions_strip(rays)
+    for k in range(SPOTS):
+        assert {_spot_of(number) for number in np.flatnonzero(strip == k)} == set(range(SPOTS))
+
+
+def cosine_directions_strip(rays):
+    """Of which sixteenth of the square each ray is, by the second coordinate."""
+    cell, _, high = cells(rays)
+    return cell[:, 1] * SPOTS // high
 
 
 @pytest.mark.parametrize("rays", [16, 64, 128, 512])

@@ -1,9 +1,12 @@
+import math
+
 import numpy as np
 import pytest
 from closed import box, matte
 
 from luxel import FileError, InputError, Light, Transport
 from luxel.radiosity.bake import bake
+from luxel.radiosity.elements import QUALITIES
 from luxel.scene.transforms import look_at
 
 
@@ -12,7 +15,7 @@ def baked():
     scene = box([matte((0.6, 0.1, 0.1)), matte(0.5), matte(0.5), matte(0.7, (0.3, 0.2, 0.1)), matte(0.5), matte((0.1, 0.6, 0.1))])
     box(matte(0.4, (0.0, 0.0, 0.2)), (0.3, 0.0, 0.3), (0.6, 0.4, 0.6), scene, inward=False, skip=(2,))
     scene.lights.append(Light("point", (1, 1, 1), 0.2, look_at((0.8, 0.8, 0.8), (0, 0, 0)), name="bulb"))
-    return bake(scene, density=20, transport=True, layers=True)
+    return bake(scene, density=20, quality=QUALITIES["normal"]._replace(unlike=math.inf), transport=True, layers=True)
 
 
 def test_it_gives_what_the_bake_gave(baked):

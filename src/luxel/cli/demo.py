@@ -69,7 +69,7 @@ def _baked(console: Console, scene: Scene, density: float | None) -> Scene | Non
             def told(unshot: float, _: object) -> None:
                 report(1 - unshot, f"{unshot:.1%} of the light unshot")
 
-            lit = bake(dark, quality="draft", density=density, progress=told).scene
+            lit = bake(dark, quality="normal", density=density, progress=told).scene
     except ExtraMissingError as error:
         console.note(f"the light is not baked: {error}")
         return None

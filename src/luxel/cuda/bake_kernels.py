@@ -22,6 +22,7 @@ def bodies(again: Callable[[str], Any]) -> tuple[dict[str, Any], dict[str, Any]]
     look, settle, shoot, choose = (again(module.__name__) for module in (look_source, settle_source, shoot_source, choose_source))
     lines = {
         "count_away": look.count_away, "gather_mean": look.gather_mean, "find_cells": look.find_cells, "shine": look.shine,
+        "find_again": look.find_again,
         "receive_rows": shoot.receive, "send_unshot": settle.send, "share_sent": settle.share_sent, "find_scale": settle.find_scale,
         "take_in": settle.take_in, "note_direct": settle.note_direct, "forget": settle.forget, "share_stock": settle.share_stock,
         "find_bright": choose.find_bright, "clear_winners": choose.clear_winner, "pick": choose.pick, "line_up": choose.line_up,
@@ -36,7 +37,7 @@ def bodies(again: Callable[[str], Any]) -> tuple[dict[str, Any], dict[str, Any]]
 
 globals().update(kernels(__name__, *bodies(again)))  # each is an attribute of this module
 _look, _shoot = again(look_source.__name__), again(shoot_source.__name__)
-_look_along, _sky_light = _look.look, _look.sky_light
+_look_along, _sky_light, _closer_light = _look.look, _look.sky_light, _look.closer_light
 _draw_triangle, _fill_entry = _shoot.draw_triangle, _shoot.fill_entry
 _SCRATCH, _STACK, _CUT, _SPARE = _look.SCRATCH, _look.STACK, _shoot.MOST + 1, 2 * _shoot.MOST
 _ROW, _DEEPEST = _shoot.SCRATCH, _shoot.DEEPEST
@@ -58,6 +59,15 @@ def sky_light(n, _, given):
     local, c, stack = cuda.local.array(3, np.float64), cuda.local.array(_SCRATCH, np.float32), cuda.local.array(_STACK, np.int32)
     if i < n:
         _sky_light(i, *given, local, c, stack)
+
+
+@kernel
+def closer_light(n, _, given):
+    """`threads.look.closer_light`."""
+    i, _ = cuda.grid(2)
+    local, c, stack = cuda.local.array(3, np.float32), cuda.local.array(_SCRATCH, np.float32), cuda.local.array(_STACK, np.int32)
+    if i < n:
+        _closer_light(i, *given, local, c, stack)
 
 
 @kernel

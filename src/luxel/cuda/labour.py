@@ -16,7 +16,7 @@ import numpy as np
 from luxel.arrays import Array
 from luxel.cuda import memory
 from luxel.cuda.device import find
-from luxel.cuda.threads.look import TOGETHER, Eyes, Sky
+from luxel.cuda.threads.look import TOGETHER, Closer, Eyes, Sky
 from luxel.cuda.threads.shoot import Cubes, Receivers, Shots
 from luxel.errors import DeviceError, LuxelWarning
 from luxel.radiosity.direct import AT
@@ -190,6 +190,22 @@ class GpuLabour(Labour):
             told(last / rays)
         gpu.launch(self.kernels.count_away, (n, 1), eyes.numbers, hits, away)
         return Sight(hits, away)
+
+    def look_closer(self, view: View, sight: Sight, light: Array, unlike: float, told: Callable[[float], None]) -> Array:
+        """(3, n) float32: the mean of `light` (n, 3) over what elements have met, and more rays where it is unlike."""
+        gpu, k, eyes, n = self.gpu, self.kernels, self.eyes(view), view.numbers.shape[1]
+        cell, wide, high = cells(sight.hits.shape[1])
+        groups = -(-n // TOGETHER)
+        least, most = (gpu.empty((groups, wide, high), _F) for _ in range(2))
+        closer = Closer(gpu.array(cell), gpu.array(padded(light)), _F(unlike), least, most, gpu.empty((groups, wide, high), np.bool_))
+        result = gpu.empty((3, n), _F)
+        gpu.launch(k.find_again, (groups, 1), sight.hits, closer)
+        step = max(1, memory.RAYS_AT_ONCE // sight.hits.shape[1])
+        for first in range(0, n, step):
+            gpu.launch(k.closer_light, (min(step, n - first), 1), first, eyes, sight.hits, closer, result)
+            gpu.wait()
+            told(min(n, first + step) / n)
+        return gpu.host(result)
 
     def gather(self, view: View, light: Array, rays: int, told: Callable[[float], None]) -> Array:
         """(3, n) float32: the mean of `light` (n, 3) over what `rays` of each element meet, of which nothing is kept."""

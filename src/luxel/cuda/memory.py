@@ -36,13 +36,14 @@ def needed(problem: Problem, view: View, rays: tuple[int, int], rows: tuple[int,
     blocks, shooting = -(-n // BLOCK), rows[0] > 0
     hits = 4 * n * rays[0] + 4 * min(n * rays[1], max(RAYS_AT_ONCE, rays[1]))
     cells = 8 * rays[0] * -(-n // TOGETHER)  # of the sky, before there is a state
+    closer = 9 * rays[0] * -(-n // TOGETHER)  # of the last bounce, beside it
     slots = rows[1] + BATCH + (rows[0] + BATCH if shooting else 0)
     batches = [(min(BATCH, len(problem.lights.tree.patches)), problem.lights.resolution)] if problem.lights else []
     batches += [(at_once(patches), problem.patches.resolution)] if shooting else []
     cubes = sum((16 * shooters + 8) * FACES * size**2 + 8 * shooters * blocks for shooters, size in batches)
     kept = slots * (2 * n + blocks + 16)
     state = (_STATE + _STEP + _GATHERS) * n + (_PATCH + _CHOSEN) * patches
-    return OWN + _constant(problem, view) + hits + _LOOKS * n + max(cells, state) + kept + cubes
+    return OWN + _constant(problem, view) + hits + _LOOKS * n + max(cells, state + closer) + kept + cubes
 
 
 def _constant(problem: Problem, view: View) -> int:

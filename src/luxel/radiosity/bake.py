@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 import warnings
 from collections.abc import Callable, Iterator
@@ -236,8 +237,9 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
         share = f"{state.escaped.sum() / state.emitted.sum():.0%} of the light meets nothing, or backs of surfaces"
         warnings.warn(f"{share}: is the scene open, or are normals inverted?", LuxelWarning, stacklevel=2)
     received = state.received + ambient(problem, state)[:, None].astype(np.float32)
-    if finished and settings.gathered:
-        received = state.direct + labour.join(labour.gather(prepared.view, (problem.albedo * received).T.copy(), settings.gathered, told), n)
+    if finished and (settings.gathered or (settings.seen and settings.unlike < math.inf)):
+        last = _last_bounce(prepared, sight, (problem.albedo * received).T.copy(), settings, labour, told)
+        received = state.direct + labour.join(last, n)
         clock.lap("gather")
     values = _per_luxel(prepared, received)
     baked = Baked(prepared.atlas, prepared.luxels, values, prepared.valid, _per_luxel(prepared, state.direct), state.ledger, clock.seconds, finished)
@@ -257,6 +259,14 @@ def _kept(prepared: _Prepared, lights: Rows, sight: Sight, still: Array, labour:
     if problem.lights is not None:
         complete(problem, problem.lights, lights, labour)
     return transport_of(prepared.cut, lights, sight.hits, still, prepared.luxels, labour)
+
+
+def _last_bounce(prepared: _Prepared, sight: Callable[[], Sight], light: Array, settings: Quality, labour: Labour,
+                 told: Callable[[float], None]) -> Array:  # fmt: skip
+    """(3, k) float32: what this process's elements receive of the radiosity of all, `light` (n, 3), as well as the quality asks."""
+    if settings.gathered:
+        return labour.gather(prepared.view, light, settings.gathered, told)
+    return labour.look_closer(prepared.view, sight(), light, settings.unlike, told)
 
 
 def labour_of(threads: int | None, comm: Comm | None, device: str = "cpu") -> Labour:

@@ -6,6 +6,7 @@ be seen as a surface and not as a few dots.
 
 from __future__ import annotations
 
+import math
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -39,6 +40,7 @@ class Quality(NamedTuple):
         rays: Rays for elements from which a light is partly hidden, for each part of it that shoots.
         seen: Rays by which each element looks around, and through which light is then passed on; 0: patches shoot it, as the lights do.
         gathered: Rays by which each element looks around once more for the last bounce; 0: it does not.
+        unlike: If not, it looks closer for the last bounce where what it sees differs by more than so many times the mean (`closer`).
         tolerance: The unshot share of the light at which to stop.
         patch: Luxels along the side of a patch, where the surface is flat.
         resolution: Pixels along a face of a patch's hemicube.
@@ -50,6 +52,7 @@ class Quality(NamedTuple):
     rays: int
     seen: int
     gathered: int
+    unlike: float = math.inf
     tolerance: float = 1e-3
     patch: float = 12
     resolution: int = 64
@@ -58,7 +61,7 @@ class Quality(NamedTuple):
 
 QUALITIES = {
     "draft": Quality(16, 64, 0, 64, 0),
-    "normal": Quality(64, 128, 4, 128, 0),
+    "normal": Quality(64, 128, 4, 128, 0, unlike=8.0),
     "final": Quality(256, 128, 16, 128, 1024),
     "reference": Quality(256, 16, 64, 256, 4096, exact=True),
     "progressive": Quality(64, 128, 4, 0, 0, patch=6),

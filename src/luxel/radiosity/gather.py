@@ -36,6 +36,7 @@ behind it, where a surface bends or under something that stands on it."""
 _CHUNK = 32
 _RAYS_AT_ONCE = 1 << 22
 _BORDER = 2  # texels
+_TURN = 5  # spots, from one round of rays to the next
 
 
 class Lookup(NamedTuple):
@@ -81,6 +82,15 @@ def _element_at(hit, back, x, y, z, lookup):
     return lookup.element[back, lookup.page[hit], row, column]
 
 
+def _spot_of(number):
+    """From which of an element's free spots ray `number` leaves. Every sixteenth ray lies in the same strip of the hemisphere, so each round of them
+    begins at another spot: strips are seen from all."""
+    return (number + _TURN * (number // SPOTS)) % SPOTS
+
+
+spot_of = jit.part(_spot_of)
+
+
 @jit.part
 def start_ray(numbers, frame, direction, i, point, reach, r, c):
     """Ray `r` of the packet starts at spot `point` of element `i`; it goes nowhere if the direction is below the surface."""
@@ -91,16 +101,21 @@ def start_ray(numbers, frame, direction, i, point, reach, r, c):
 
 
 @jit.part
-def met_by(r, i, scene, numbers, lookup, c):
-    """What ray `r` of a traced packet, a ray of element `i`, has met: an element, or what there is in place of one."""
+def element_at(r, scene, lookup, c):
+    """What ray `r` of a traced packet has met: an element, or what there is in place of one."""
     item, at = float_bits(c[FOUND + r]), c[AT + r]
-    met = np.int32(NOWHERE if at > np.float32(0.0) else BACK)  # below the surface it meets its own back
-    if item >= 0:
-        x, y, z = c[OX + r] + c[DX + r] * at, c[OY + r] + c[DY + r] * at, c[OZ + r] + c[DZ + r] * at
-        met = _element_at(scene.triangle[item], 1 if c[SLOPE + r] > np.float32(0.0) else 0, x, y, z, lookup)
-        if met == BACK and at * at < numbers[AREA, i]:
-            met = np.int32(LOST)
-    return met
+    if item < 0:
+        return np.int32(NOWHERE if at > np.float32(0.0) else BACK)  # below the surface it meets its own back
+    x, y, z = c[OX + r] + c[DX + r] * at, c[OY + r] + c[DY + r] * at, c[OZ + r] + c[DZ + r] * at
+    return _element_at(scene.triangle[item], 1 if c[SLOPE + r] > np.float32(0.0) else 0, x, y, z, lookup)
+
+
+@jit.part
+def met_by(r, i, scene, numbers, lookup, c):
+    """The same of a ray of element `i`, which may be `LOST`."""
+    met = element_at(r, scene, lookup, c)
+    near = c[AT + r] > np.float32(0.0) and c[AT + r] * c[AT + r] < numbers[AREA, i]
+    return np.int32(LOST) if met == BACK and near else met
 
 
 @jit.parallel_kernel
@@ -120,7 +135,7 @@ def _look(queue, scene, numbers, frames, directions, reach, lookup, first, hits)
         for number in range(rays):
             for r in range(np.uint64(WIDTH)):
                 k = min(start + np.int64(r), count - 1)  # the last packet is filled up with its last element's rays
-                start_ray(numbers, frames[k], directions[number], first + k, points[k - start, number % SPOTS], reach, r, c)
+                start_ray(numbers, frames[k], directions[number], first + k, points[k - start, spot_of(number)], reach, r, c)
             packet.meet_all(scene, c, stack)
             for r in range(np.uint64(width)):
                 hits[start + np.int64(r), number] = met_by(r, first + start + np.int64(r), scene, numbers, lookup, c)

@@ -21,6 +21,7 @@ import numpy as np
 
 from luxel.arrays import Array
 from luxel.radiosity import gather
+from luxel.radiosity.closer import gather_closer
 from luxel.radiosity.direct import shine
 from luxel.radiosity.gather import Sight, View
 from luxel.radiosity.hemicube import ItemBuffers, room_for, see_into
@@ -143,6 +144,10 @@ class Labour:
         """(3, k) float32: the mean of `light` (n, 3) float32 over what the rays of this process's elements meet."""
         return gather.gather(sight.hits, light, self.threads)
 
+    def look_closer(self, view: View, sight: Sight, light: Array, unlike: float, told: Callable[[float], None]) -> Array:
+        """(3, k) float32: the same, with more rays where what they bring is unlike (`closer`)."""
+        return gather_closer(view, sight.hits, light, unlike, self.threads, told)
+
     def gather(self, view: View, light: Array, rays: int, told: Callable[[float], None]) -> Array:
-        """(3, k) float32: the same by rays of which nothing is kept."""
+        """(3, k) float32: the mean over what other rays meet, so many of each element, of which nothing is kept."""
         return view.gather(light, rays, self.threads, told)

@@ -72,12 +72,18 @@ def _part(r, numbers, frame, i, a, b, part, side, wide, high, reach, local, c):
 
 
 @jit.part
-def _parts_light(rays, light, scene, fine, c, stack):
-    """`light` (red, green, blue) and what the first `rays` of a packet bring, one after the other."""
-    for r in range(rays, WIDTH):  # the others go nowhere
+def rays_to_nowhere(first, c):
+    """Let the rays of a packet from `first` on go nowhere."""
+    for r in range(first, WIDTH):
         for row in (OX, OY, OZ, DX, DY, DZ):
             c[row + np.uint64(r)] = c[row]
         c[AT + np.uint64(r)] = np.float32(0.0)
+
+
+@jit.part
+def _parts_light(rays, light, scene, fine, c, stack):
+    """`light` (red, green, blue) and what the first `rays` of a packet bring, one after the other."""
+    rays_to_nowhere(rays, c)
     packet.meet_all(scene, c, stack)
     red, green, blue = light
     for r in range(np.uint64(rays)):

@@ -14,14 +14,18 @@ import numpy as np
 
 from luxel.arrays import Array
 from luxel.jit import part
+from luxel.radiosity.closer import find_unlike, look_closer
 from luxel.radiosity.direct import shine_on
-from luxel.radiosity.element import AREA, FREE, SPOTS, free_spot
-from luxel.radiosity.gather import Lookup, lost_and_gone, mean_light, met_by, start_ray
+from luxel.radiosity.element import AREA, FREE, free_spot
+from luxel.radiosity.gather import Lookup, lost_and_gone, mean_light, met_by, spot_of, start_ray
 from luxel.radiosity.occlusion import Occlusion
 from luxel.radiosity.packet import SCRATCH, STACK, meet_all
 from luxel.radiosity.sky import TOGETHER, classify, light_of
 
-__all__ = ["SCRATCH", "STACK", "TOGETHER", "Eyes", "Sky", "count_away", "find_cells", "gather_mean", "look", "shine", "sky_light"]
+__all__ = [
+    "SCRATCH", "STACK", "TOGETHER", "Closer", "Eyes", "Sky", "closer_light", "count_away", "find_again", "find_cells", "gather_mean", "look", "shine",
+    "sky_light",
+]  # fmt: skip
 
 _FIRST = np.uint64(0)
 
@@ -62,6 +66,25 @@ class Sky(NamedTuple):
     some: Array
 
 
+class Closer(NamedTuple):
+    """What groups of `TOGETHER` elements look closer at; see `luxel.radiosity.closer`.
+
+    Attributes:
+        cell: (rays, 2) int32: of each ray.
+        light: (3 + n, 4) float32: of what is met.
+        unlike: float32.
+        least, most: (groups, wide, high) float32: scratch.
+        again: (groups, wide, high) bool: whether they do at a cell.
+    """
+
+    cell: Array
+    light: Array
+    unlike: np.float32
+    least: Array
+    most: Array
+    again: Array
+
+
 @part
 def look(k, r, eyes, first, first_ray, directions, hits, c, stack):
     """hits[k, first_ray + r]: what element first + k meets along these of `directions` (rays, 3) of its frame.
@@ -69,7 +92,7 @@ def look(k, r, eyes, first, first_ray, directions, hits, c, stack):
     `c` (SCRATCH,) float32 and `stack` (STACK,) int32 are scratch.
     """
     i, number = first + k, first_ray + r
-    spot = free_spot(np.int64(eyes.numbers[FREE, i]), number % SPOTS)
+    spot = free_spot(np.int64(eyes.numbers[FREE, i]), spot_of(number))
     start_ray(eyes.numbers, eyes.frames[i], directions[number], i, spot, eyes.reach, _FIRST, c)
     meet_all(eyes.scene, c, stack)
     hits[k, number] = met_by(_FIRST, i, eyes.scene, eyes.numbers, eyes.lookup, c)
@@ -102,6 +125,22 @@ def sky_light(i, eyes, sky, result, local, c, stack):
     g, s = i // TOGETHER, eyes.scene
     red, green, blue = light_of(i, sky.some[g], sky.kind[g], s, eyes.numbers, eyes.frames[i], eyes.reach, sky.coarse, sky.fine, local, c, stack)
     result[0, i], result[1, i], result[2, i] = np.float32(red), np.float32(green), np.float32(blue)
+
+
+@part
+def find_again(g, hits, closer):
+    """The cells that group `g` looks closer at."""
+    first, last = g * TOGETHER, min(len(hits), (g + 1) * TOGETHER)
+    find_unlike(hits, closer.light, closer.cell, first, last, closer.unlike, closer.least[g], closer.most[g], closer.again[g])
+
+
+@part
+def closer_light(k, first, eyes, hits, closer, result, local, c, stack):
+    """result[:, i]: the light of other surfaces on element i = first + k, W/m2. `local` (3,) float32 is scratch."""
+    i = first + k
+    again, s, frame = closer.again[i // TOGETHER], eyes.scene, eyes.frames[i]
+    red, green, blue = look_closer(i, hits, closer.cell, again, s, eyes.numbers, frame, eyes.reach, eyes.lookup, closer.light, local, c, stack)
+    result[0, i], result[1, i], result[2, i] = red, green, blue
 
 
 @part
