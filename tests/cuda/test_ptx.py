@@ -18,7 +18,8 @@ from luxel.radiosity.elements import Quality
 from luxel.raster.render import Options, prepare
 from luxel.scene.builtin import cornell_box
 
-ARCS = ("sky_light", "closer_light", "exchange_plain", "exchange_hidden")  # CUDA's sine, arc tangent and logarithm of float64 are made of fused operations
+# CUDA's sine, arc tangent and logarithm of float64 are made of fused operations.
+ARCS = ("sky_light", "closer_light", "exchange_plain", "exchange_hidden")
 MODULES = kernels, light_kernels, bake_kernels, pair_kernels
 LARGEST_ARGUMENTS = 4096  # bytes; what every driver takes
 
