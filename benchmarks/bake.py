@@ -33,7 +33,7 @@ from report import ROOT, alternating, machine, median, meshes, milliseconds, tab
 QUALITIES = ("progressive", "draft", "normal", "final")
 PAPER = {"room-simple": (4.0, 2.0), "room-complex": (139.0, 79.0)}  # seconds on its CPU and its GPU
 ROOMS = tuple(PAPER)
-STAGES = ("unwrap", "luxels", "inside", "patches", "solve")
+STAGES = ("unwrap", "luxels", "inside", "patches", "solve", "gather")
 PARTS = ("rooms", "truth", "peers", "relight", "scale")
 
 
