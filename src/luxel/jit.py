@@ -20,7 +20,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from queue import SimpleQueue
 from typing import Any
 
 import numba
@@ -31,6 +30,7 @@ from numba.core import cgutils, event
 from numba.extending import intrinsic
 
 from luxel.errors import InputError
+from luxel.helpers import call_together
 
 __all__ = [
     "DISABLED", "array_data", "available_threads", "borrow", "cache_folder", "cgutils", "checked_threads", "compiled", "count_bits", "device",
@@ -309,64 +309,6 @@ else:
         return types.void(array, types.uint64), codegen
 
 
-class _Task:
-    """A call for a helping thread; whoever takes `begun` first, helper or caller, has it."""
-
-    __slots__ = ("arguments", "begun", "done", "error", "kernel")
-
-    def __init__(self, kernel: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
-        self.kernel, self.arguments = kernel, arguments
-        self.error: BaseException | None = None
-        self.begun, self.done = threading.Lock(), threading.Lock()
-        self.done.acquire()
-
-    def help(self) -> None:
-        if self.begun.acquire(blocking=False):
-            try:
-                self.kernel(*self.arguments)
-            except BaseException as error:  # for the caller
-                self.error = error
-            finally:
-                self.done.release()
-
-    def finish(self) -> None:
-        """Take it away from the helpers, or wait for the one that has it."""
-        if self.begun.acquire(blocking=False):  # one that has not begun has nothing left to do
-            return
-        self.done.acquire()
-        if self.error is not None:
-            raise self.error
-
-
-def _help(tasks: SimpleQueue[_Task]) -> None:
-    while True:
-        tasks.get().help()
-
-
-_pool: tuple[int, SimpleQueue[_Task]] | None = None
-_pool_lock = threading.Lock()
-
-
-def _workers() -> SimpleQueue[_Task]:
-    """Where helping threads wait for tasks. Not an executor of the standard library: that takes 50 us to hand a task over, this one 5."""
-    global _pool
-    with _pool_lock:
-        if _pool is None or _pool[0] != os.getpid():  # threads do not survive a fork: the child makes its own
-            _pool = os.getpid(), SimpleQueue()
-            for number in range(max(1, (os.cpu_count() or 1) - 1)):
-                threading.Thread(target=_help, args=_pool[1:], name=f"luxel_{number}", daemon=True).start()
-        return _pool[1]
-
-
-def _after_fork() -> None:
-    global _pool, _pool_lock
-    _pool, _pool_lock = None, threading.Lock()
-
-
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_after_fork)
-
-
 def available_threads() -> int:
     """Cores this process may use: LUXEL_THREADS, else its CPU affinity."""
     wanted = os.environ.get("LUXEL_THREADS")
@@ -396,18 +338,7 @@ def checked_threads(threads: object) -> int:
 
 def run(kernel: Callable[..., Any], threads: int, *arguments: Any) -> None:
     """Call a `parallel_kernel` from `threads` threads at once (this one included) on one queue, and wait for all of them."""
-    queue = np.zeros(1, np.int64)
-    if threads <= 1:
-        kernel(queue, *arguments)
-        return
-    tasks, waiting = [_Task(kernel, (queue, *arguments)) for _ in range(threads - 1)], _workers()
-    for task in tasks:
-        waiting.put(task)
-    try:
-        kernel(queue, *arguments)
-    finally:
-        for task in tasks:
-            task.finish()
+    call_together(kernel, threads, np.zeros(1, np.int64), *arguments)
 
 
 def compiled(kernel: Any) -> bool:

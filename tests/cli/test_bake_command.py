@@ -232,3 +232,18 @@ def test_device(capsys, box, tmp_path, monkeypatch):
     assert "baking on the processor" in capsys.readouterr().err
     assert (tmp_path / "a.glb").exists()
     device.gpu.cache_clear()
+
+
+def test_the_scene_itself_is_no_output(box, tmp_path, capsys):
+    before = box.read_bytes()
+    assert main(["bake", str(box), "-o", str(box), "--quality", "draft"]) == 2
+    assert "is the scene itself" in capsys.readouterr().err
+    assert box.read_bytes() == before
+
+
+def test_triangles_without_area_are_told(tmp_path, capsys):
+    scene = cornell_box()
+    scene.meshes[0].triangles = np.concatenate([scene.meshes[0].triangles, [[0, 0, 1]]]).astype(np.int32)
+    luxel.save(scene, tmp_path / "flat.glb")
+    assert main(["bake", str(tmp_path / "flat.glb"), "-o", str(tmp_path / "lit.glb"), "--quality", "draft", "--density", "8"]) == 0
+    assert "1 triangle has no area, and no light" in capsys.readouterr().err

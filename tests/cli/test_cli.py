@@ -475,13 +475,14 @@ def test_an_interrupt_that_became_another_exception_is_one():
 
 
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
-def test_interrupt_leaves_no_file_behind(tmp_path):
+@pytest.mark.parametrize(("number", "code", "told"), [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "interrupted by SIGTERM")])
+def test_interrupt_leaves_no_file_behind(tmp_path, number, code, told):
     command = [sys.executable, "-m", "luxel", "demo", "--size", "6000x6000", "-o", str(tmp_path / "big.png")]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path)
     time.sleep(1.5)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     out, err = process.communicate(timeout=120)
-    assert process.returncode == 130
-    assert err.endswith("luxel: interrupted\n")
+    assert process.returncode == code
+    assert err.endswith(f"luxel: {told}\n")
     assert out == ""
     assert os.listdir(tmp_path) == []

@@ -189,7 +189,7 @@ def test_albedo_is_the_texture_filtered_over_the_texel():
     image[:, ::2] = 188
     image[32:] = [0, 255, 0]
     material, texture = textured(image)
-    with pytest.warns(LuxelWarning, match="32 luxels are brighter"):
+    with pytest.warns(LuxelWarning, match="32 luxels have an albedo of up to 1,"):
         luxels = find_luxels(laid_out([rectangle(0, 0, 8, 8, material=0)], (8, 8), [material], [texture]))
     grid = luxels.albedo.reshape(8, 8, 3)
     linear = ((188 / 255 + 0.055) / 1.055) ** 2.4

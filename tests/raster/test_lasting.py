@@ -3,10 +3,13 @@
 import gc
 import multiprocessing
 import os
+import signal
 import subprocess
 import sys
 import threading
+import time
 import tracemalloc
+import weakref
 from pathlib import Path
 
 import numpy as np
@@ -167,3 +170,56 @@ def test_what_fails_in_a_helping_thread_is_told():
     found, numbers = [], iter(range(10**6))
     jit.run(count, 5, numbers)
     assert sorted(found) == list(range(20))
+
+
+def test_nobody_works_on_when_a_call_has_ended():
+    """Neither if a helper fails while others work, nor if the caller is interrupted while it waits for them."""
+    main, working, lock = threading.current_thread(), [], threading.Lock()
+    begun = threading.Barrier(4, timeout=60)
+
+    def work(queue):
+        begun.wait()
+        if threading.current_thread() is main:
+            return
+        with lock:
+            working.append(len(working))
+            first = len(working) == 1
+        if first:
+            raise ValueError("the first")
+        time.sleep(0.3)
+        working.append(-1)
+
+    with pytest.raises(ValueError, match="the first"):
+        jit.run(work, 4)
+    assert working.count(-1) == 2
+
+    def long(queue):
+        if threading.current_thread() is main:
+            time.sleep(0.05)
+            return
+        time.sleep(0.8)
+        working.append("ended")
+
+    timer = threading.Timer(0.3, lambda: os.kill(os.getpid(), signal.SIGINT))
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        jit.run(long, 2)
+    assert working[-1] == "ended"
+
+
+def test_tasks_that_nobody_needs_any_more_hold_nothing():
+    """While the helpers are busy for another thread of the caller."""
+    held, busy = [], threading.Event()
+    other = threading.Thread(target=lambda: jit.run(lambda queue: busy.wait(60), jit.available_threads() + 1))
+    other.start()
+    try:
+        for _ in range(20):
+            values = np.ones(1000)
+            held.append(weakref.ref(values))
+            jit.run(lambda queue, values: values.sum(), 2, values)
+            del values
+        gc.collect()
+        assert sum(one() is not None for one in held) <= 1
+    finally:
+        busy.set()
+        other.join()

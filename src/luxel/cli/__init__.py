@@ -60,8 +60,9 @@ def _guarded(words: list[str]) -> int:
             return _fail(_suggested(error, usage(), words), 2, words, error)
         what = str(error) or "no message"
         return _fail(f"unexpected {type(error).__name__}: {what} (--traceback shows where)", 1, words, error)
-    if code == interrupts.exit_code():
+    if interrupts.interrupted() or code == interrupts.exit_code():  # typer makes an exit of a KeyboardInterrupt, whichever signal it stood for
         print(f"luxel: {interrupts.told()}", file=sys.stderr)  # noqa: T201
+        return interrupts.exit_code()
     return code
 
 

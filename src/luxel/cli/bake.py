@@ -109,6 +109,8 @@ def bake(
     comm = world()
     with comm.guard():
         output = output or Path(f"{file.stem}_lit.glb")
+        if output.exists() and file.exists() and output.samefile(file):
+            raise InputError(f"--output: {file} is the scene itself: expected another file, as what is lit cannot be lit again as it was")
         above = "a number above 0"
         options: dict[str, Any] = {
             "quality": values.choice(quality, _QUALITIES, "--quality"),
@@ -253,8 +255,8 @@ def _bake(console: Console, comm: Comm, file: Path, write: _Write, preview: Path
                 _draw(lit, preview)
                 written.append(preview)
     except KeyboardInterrupt:
-        if state.exists():
-            console.note(f"what is done is kept in {state}; the same command with --resume goes on")
+        goes_on = f"what is done is kept in {state}; the same command with --resume goes on"
+        console.note(goes_on if state.exists() else "there was no light yet, so nothing is kept")
         raise
     if baked.finished:
         state.unlink(missing_ok=True)
@@ -328,6 +330,10 @@ def _save(lit: Scene, baked: Baked, write: _Write) -> list[Path]:
 
 
 def _say(console: Console, baked: Baked, written: list[Path], state: Path, took: float, ranks: list[dict[str, float]]) -> None:
+    import numpy as np
+
+    from luxel.radiosity.pieces import areas
+
     last = baked.ledger[-1] if baked.ledger else None
     unshot, shots = (last.unshot_fraction, last.shots) if last else (0.0, 0)
     (width, height), pages, luxels = baked.atlas.size, baked.atlas.pages, len(baked.luxels.area)
@@ -345,6 +351,9 @@ def _say(console: Console, baked: Baked, written: list[Path], state: Path, took:
         "seconds": {**{name: float(value) for name, value in baked.seconds.items()}, "all": took},
         **({"ranks": ranks} if len(ranks) > 1 else {}),
     }
+    flat = sum(int(np.count_nonzero(areas(mesh.positions, mesh.triangles) == 0.0)) for mesh in baked.atlas.scene.meshes)
+    if flat:
+        console.note(f"{flat:,} triangle{'s have' if flat > 1 else ' has'} no area, and no light")
     if not baked.finished:
         console.note(f"stopped with {unshot:.2%} of the light unshot; the state is kept in {state}, and --resume goes on")
     on = f"a page of {width}x{height}" if pages == 1 else f"{pages} pages of {width}x{height}"

@@ -69,7 +69,10 @@ def _add_parts(rays, i, scene, numbers, lookup, light, c, stack, total):
 
 @jit.part
 def look_closer(i, hits, cell, again, scene, numbers, frame, reach, lookup, light, local, c, stack):
-    """The mean light (red, green, blue) W/m2 over all cells of element `i`; `local` (3,) float32 is scratch."""
+    """The mean light (red, green, blue) W/m2 over all cells of element `i`; `local` (3,) float32 is scratch.
+
+    Cells seen by one ray are summed apart from what closer rays bring, `close` (red, green, blue, rays that tell).
+    """
     wide, high = again.shape
     free = np.int64(numbers[FREE, i])
     red = green = blue = told = _F(0.0)
@@ -90,7 +93,7 @@ def look_closer(i, hits, cell, again, scene, numbers, frame, reach, lookup, ligh
             red, green, blue, told = red + light[e, 0], green + light[e, 1], blue + light[e, 2], told + _F(1.0)
     if rays > 0:
         close = _add_parts(rays, i, scene, numbers, lookup, light, c, stack, close)
-    one = _F(1.0 / _PARTS)  # of a cell
+    one = _F(1.0 / _PARTS)  # of a cell: so much does one of its rays count beside a cell that is not looked at closer
     share = _F(1.0) / max(told + close[3] * one, one)
     return (red + close[0] * one) * share, (green + close[1] * one) * share, (blue + close[2] * one) * share
 

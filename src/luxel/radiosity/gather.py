@@ -36,7 +36,7 @@ behind it, where a surface bends or under something that stands on it."""
 _CHUNK = 32
 _RAYS_AT_ONCE = 1 << 22
 _BORDER = 2  # texels
-_TURN = 5  # spots, from one round of rays to the next
+_TURN = 5  # spots, from one round of rays to the next; prime to their number, so that all come in turn
 
 
 class Lookup(NamedTuple):
@@ -112,7 +112,7 @@ def element_at(r, scene, lookup, c):
 
 @jit.part
 def met_by(r, i, scene, numbers, lookup, c):
-    """The same of a ray of element `i`, which may be `LOST`."""
+    """What ray `r` of a traced packet, a ray of element `i`, has met: as `element_at`, but a back that is too near to tell is `LOST`."""
     met = element_at(r, scene, lookup, c)
     near = c[AT + r] > np.float32(0.0) and c[AT + r] * c[AT + r] < numbers[AREA, i]
     return np.int32(LOST) if met == BACK and near else met

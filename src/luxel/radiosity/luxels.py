@@ -157,7 +157,8 @@ def _tell(luxels: Luxels, scene: Scene, geometry: Geometry) -> None:
     bright, black = luxels.albedo.max(1, initial=0) > MOST_ALBEDO, luxels.albedo.max(1, initial=0) < _BLACK
     if bright.any():
         who = _materials(luxels, bright, scene, geometry)
-        texts.append(f"{bright.sum()} luxels are brighter than a surface can be and give back {MOST_ALBEDO:g} of the light: material {who}")
+        most = luxels.albedo.max()
+        texts.append(f"{bright.sum()} luxels have an albedo of up to {most:.3g}, and give back {MOST_ALBEDO:g} of the light instead: material {who}")
     if luxels.area[black].sum(dtype=np.float64) > _MOST_BLACK * luxels.area.sum(dtype=np.float64):
         who = _materials(luxels, black, scene, geometry)
         texts.append(f"most of the surface is black or metal, and gives back no diffuse light: material {who}")

@@ -105,8 +105,11 @@ def check_writable(path: str | os.PathLike[str], size: int = 0) -> None:
     if not path.parent.is_dir():
         raise FileError(path, f"cannot write: there is no folder {str(path.parent)!r}")
     probe = path.with_name(f".{path.name[:100]}.probe")
-    with atomic_write(probe) as file:
-        file.write(b"\0")
+    try:
+        with atomic_write(probe) as file:
+            file.write(b"\0")
+    except FileError as error:
+        raise FileError(path, f"cannot write: nothing can be made in {str(path.parent)!r}") from error
     probe.unlink(missing_ok=True)
     free = shutil.disk_usage(path.parent).free
     if free < size:

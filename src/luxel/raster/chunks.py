@@ -1,6 +1,6 @@
 """Chunks: which triangles and vertices can touch a part of the screen, found without looking at each of them.
 
-Every 256 triangles that follow each other are a chunk, with a box around it and a list of the blocks of 256 vertices that it uses. What is not in a
+Every 128 triangles that follow each other are a chunk, with a box around it and a list of the blocks of 256 vertices that it uses. What is not in a
 chunk whose box touches the part is neither projected nor binned. Boxes are judged by the planes of the part, in float64, with two pixels to spare, so
 nothing is lost.
 """
