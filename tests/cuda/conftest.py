@@ -24,3 +24,14 @@ def gpu(request):
 @pytest.fixture
 def real_gpu():
     return _real_gpu()
+
+
+@pytest.fixture
+def no_gpu(monkeypatch):
+    """A machine with the package, and without a GPU."""
+    from luxel.cuda import device, door
+
+    device.gpu.cache_clear()
+    monkeypatch.setattr(door, "initialise", lambda: (_ for _ in ()).throw(OSError("CUDA driver library cannot be found.\nInstall it.")))
+    yield
+    device.gpu.cache_clear()

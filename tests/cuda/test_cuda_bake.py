@@ -9,8 +9,8 @@ import pytest
 from host import Host
 
 import luxel
-from luxel.cuda import device, door, memory
 from luxel.cuda import labour as gpu_labour
+from luxel.cuda import memory
 from luxel.cuda.labour import GpuLabour
 from luxel.cuda.shooter import _rounds
 from luxel.cuda.threads.choose import Batch
@@ -226,14 +226,6 @@ def test_an_interrupt_while_light_is_passed_on_leaves_the_state_before(gpu, monk
     (state,), area = seen, seen[0].gpu.host(seen[0]._numbers)[9].astype(float)
     np.testing.assert_allclose((state.unshot * area).sum(1), state.ledger[-1].unshot, rtol=1e-5)
     np.testing.assert_allclose(state.absorbed + state.escaped + state.left, state.emitted, rtol=1e-6)
-
-
-@pytest.fixture
-def no_gpu(monkeypatch):
-    device.gpu.cache_clear()
-    monkeypatch.setattr(door, "initialise", lambda: (_ for _ in ()).throw(OSError("CUDA driver library cannot be found.")))
-    yield
-    device.gpu.cache_clear()
 
 
 def test_no_gpu(no_gpu):

@@ -5,7 +5,6 @@ import pytest
 from host import Host
 
 import luxel
-from luxel.cuda import device, door
 from luxel.cuda import form_factors as there
 from luxel.cuda.form_factors import GpuPairs
 from luxel.errors import DeviceError, InputError, LuxelWarning
@@ -76,14 +75,6 @@ def test_nothing_and_progress(on):
     on(furnished(17), progress=told.append)
     assert told == sorted(told)
     assert told[-1] == 1
-
-
-@pytest.fixture
-def no_gpu(monkeypatch):
-    device.gpu.cache_clear()
-    monkeypatch.setattr(door, "initialise", lambda: (_ for _ in ()).throw(OSError("CUDA driver library cannot be found.")))
-    yield
-    device.gpu.cache_clear()
 
 
 def test_no_gpu(no_gpu, tmp_path, capsys):

@@ -20,15 +20,6 @@ from luxel.raster.render import Options, prepare
 SIZE = 16, 12
 
 
-@pytest.fixture
-def no_gpu(monkeypatch):
-    """A machine with the package, and without a GPU."""
-    device.gpu.cache_clear()
-    monkeypatch.setattr(door, "initialise", lambda: (_ for _ in ()).throw(OSError("CUDA driver library cannot be found.\nInstall it.")))
-    yield
-    device.gpu.cache_clear()
-
-
 def test_no_gpu_says_what_is_missing(no_gpu):
     with pytest.raises(DeviceError, match=r"^device cuda: expected an NVIDIA GPU and its driver; CUDA driver library cannot be found\.$"):
         luxel.render(plain(0), camera(), SIZE, device="cuda")

@@ -225,24 +225,22 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
         state = labour.once(lambda: saving.load(Path(checkpoint), key, state) or state)
     state = labour.state(problem, state)
     deadline = time.monotonic() + seconds if seconds is not None else None
-    steps = [light_steps(problem, state, light_rows, labour)]
     if settings.seen:
-        steps.append(element_steps(problem, state, sight, settings.tolerance, labour))
+        bounces = element_steps(problem, state, sight, settings.tolerance, labour)
     else:
-        steps.append(patch_steps(problem, state, _rows(problem, problem.patches, counts[0], labour), settings.tolerance, labour))
+        bounces = patch_steps(problem, state, _rows(problem, problem.patches, counts[0], labour), settings.tolerance, labour)
+    shooting = chain(light_steps(problem, state, light_rows, labour), bounces)
     kept_in = (Path(checkpoint), key) if checkpoint and keeps else None
-    finished = _shoot_all(chain(*steps), prepared, state, deadline, progress, kept_in, labour)
+    finished = _shoot_all(shooting, prepared, state, deadline, progress, kept_in, labour)
     clock.lap("solve")
-    if labour.team.leads and state.escaped.sum() > _MUCH_LOST * state.emitted.sum():
-        share = f"{state.escaped.sum() / state.emitted.sum():.0%} of the light meets nothing, or backs of surfaces"
-        warnings.warn(f"{share}: is the scene open, or are normals inverted?", LuxelWarning, stacklevel=2)
+    if labour.team.leads:
+        _tell_of_loss(state)
     received = state.received + ambient(problem, state)[:, None].astype(np.float32)
     if finished and (settings.gathered or (settings.seen and settings.unlike < math.inf)):
-        last = _last_bounce(prepared, sight, (problem.albedo * received).T.copy(), settings, labour, told)
-        received = state.direct + labour.join(last, n)
+        received = state.direct + _last_bounce(prepared, sight, (problem.albedo * received).T.copy(), settings, labour, told)
         clock.lap("gather")
-    values = _per_luxel(prepared, received)
-    baked = Baked(prepared.atlas, prepared.luxels, values, prepared.valid, _per_luxel(prepared, state.direct), state.ledger, clock.seconds, finished)
+    values, direct = _per_luxel(prepared, received), _per_luxel(prepared, state.direct)
+    baked = Baked(prepared.atlas, prepared.luxels, values, prepared.valid, direct, state.ledger, clock.seconds, finished)
     if keep:
         kept = _kept(prepared, light_rows, sight(), still, labour)
         baked.transport = kept if transport else None
@@ -251,6 +249,13 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
             baked.layers = _layers(prepared, kept, lamps, sight, labour)
             clock.lap("layers")
     return baked
+
+
+def _tell_of_loss(state: State) -> None:
+    """Warn if much light escapes."""
+    if state.escaped.sum() > _MUCH_LOST * state.emitted.sum():
+        share = f"{state.escaped.sum() / state.emitted.sum():.0%} of the light meets nothing, or backs of surfaces"
+        warnings.warn(f"{share}: is the scene open, or are normals inverted?", LuxelWarning, stacklevel=3)
 
 
 def _kept(prepared: _Prepared, lights: Rows, sight: Sight, still: Array, labour: Labour) -> Transport | None:
@@ -263,10 +268,12 @@ def _kept(prepared: _Prepared, lights: Rows, sight: Sight, still: Array, labour:
 
 def _last_bounce(prepared: _Prepared, sight: Callable[[], Sight], light: Array, settings: Quality, labour: Labour,
                  told: Callable[[float], None]) -> Array:  # fmt: skip
-    """(3, k) float32: what this process's elements receive of the radiosity of all, `light` (n, 3), as well as the quality asks."""
+    """(3, n) float32: what elements receive of the radiosity of all, `light` (n, 3), as well as the quality asks."""
     if settings.gathered:
-        return labour.gather(prepared.view, light, settings.gathered, told)
-    return labour.look_closer(prepared.view, sight(), light, settings.unlike, told)
+        own = labour.gather(prepared.view, light, settings.gathered, told)
+    else:
+        own = labour.look_closer(prepared.view, sight(), light, settings.unlike, told)
+    return labour.join(own, len(light))
 
 
 def labour_of(threads: int | None, comm: Comm | None, device: str = "cpu") -> Labour:
