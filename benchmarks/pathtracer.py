@@ -5,6 +5,7 @@ A tiny orthographic camera hangs just above each luxel and sees nothing but its 
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
 from dataclasses import dataclass
@@ -20,6 +21,7 @@ from luxel.scene.material import Material
 
 _LIFT = 1e-4  # of the scene's diagonal: the cameras' height
 _SHRINK = 0.98  # of a texel, when it is looked whether something stands on it
+_LYING = 0.1  # of a texel's side
 _AT_ONCE = 64  # cameras of one picture
 
 
@@ -89,12 +91,18 @@ class Mitsuba:
         return ok
 
     def alone(self, chosen: Any) -> Any:
-        """(k,) bool: chosen luxels with no other chart's in the same place: of two surfaces that lie in each other either may be what a ray meets."""
+        """(k,) bool: chosen luxels with no other chart's in the same place: of two surfaces that lie in each other either may be what a ray meets;
+        nor with something lying on them, at a tenth of their side or less: the light of such a luxel is that of what is not covered."""
         from scipy.spatial import KDTree
 
         luxels, side = self.baked.luxels, np.sqrt(self.baked.luxels.area)
+        sight, open_ = Occluders.of_scene(self.baked.atlas.scene), np.ones(len(chosen), bool)
+        normal = luxels.face_normal[chosen].astype(float)
+        for a, b in itertools.product((-_SHRINK / 2, 0.0, _SHRINK / 2), repeat=2):
+            spot = luxels.position[chosen] + self.lift * normal + a * self.right[chosen] + b * self.up[chosen]
+            open_ &= sight.visible(spot, spot + _LYING * side[chosen, None] * normal)
         near = KDTree(luxels.position).query_ball_point(luxels.position[chosen], 0.75 * side[chosen])
-        return np.array([not any(self._coincide(i, np.array(others))) for i, others in zip(chosen, near, strict=True)])
+        return open_ & np.array([not any(self._coincide(i, np.array(others))) for i, others in zip(chosen, near, strict=True)])
 
     def _coincide(self, i: int, others: Any) -> Any:
         luxels = self.baked.luxels

@@ -25,6 +25,7 @@ SPOTS = _SIDE * _SIDE
 LIFT = np.float32(0.025)
 """Of an element's side: how high above the surface its spots are."""
 
+_CLOSE = np.float32(0.1)  # of an element's side: what is so near above it lies on it, and lets no light in below
 _CHUNK = 512
 _STRIDE = 7  # from spot to spot, so that those that follow each other are apart
 _F, _HALF, _STEP = np.float32, np.float32(0.5), np.float32(1 / _SIDE)
@@ -68,12 +69,60 @@ def spots_on(position: Array, u: Array, v: Array) -> Array:
     return np.asarray(position + a * u + b * v, np.float32)
 
 
+@jit.part
+def _roofed(scene, charts, own, numbers, i, spot):
+    """Whether something of another chart is close above a spot of element `i`."""
+    height = np.float64(_CLOSE) * math.sqrt(numbers[AREA, i])
+    x, y, z = point_of(numbers, i, spot, _F(0.0))
+    dx, dy, dz = height * numbers[GX, i], height * numbers[GY, i], height * numbers[GZ, i]
+    met, _, _ = nearest(scene, np.float64(x), np.float64(y), np.float64(z), dx, dy, dz)
+    return met >= 0 and charts[met] != own
+
+
+@jit.part
+def _largest(bits):
+    """Columns and rows, each first and behind the last, of the largest rectangle of spots whose bits are set."""
+    best, found = 0, (0, 0, 0, 0)
+    for a in range(_SIDE):
+        for b in range(_SIDE):
+            for right in range(a + 1, _SIDE + 1):
+                for low in range(b + 1, _SIDE + 1):
+                    whole = True
+                    for r in range(b, low):
+                        for c in range(a, right):
+                            whole = whole and (bits & (1 << (r * _SIDE + c))) != 0
+                    size = (right - a) * (low - b)
+                    if whole and size > best:
+                        best, found = size, (a, right, b, low)
+    return found
+
+
+@jit.part
+def _crop(scene, charts, own, numbers, i):
+    """Leave of element `i`, whose middle is close under something, the largest part that is not, if there is one."""
+    bits, count = 0, 0
+    for k in range(SPOTS):
+        if not _roofed(scene, charts, own, numbers, i, k):
+            bits, count = bits | 1 << k, count + 1
+    if count == 0:
+        return
+    left, right, top, low = _largest(bits)
+    a, b = _HALF * _STEP * _F(left + right) - _HALF, _HALF * _STEP * _F(top + low) - _HALF
+    for axis in range(3):
+        u, v = numbers[UX + axis, i], numbers[VX + axis, i]
+        numbers[PX + axis, i] += a * u + b * v
+        numbers[UX + axis, i], numbers[VX + axis, i] = u * _STEP * _F(right - left), v * _STEP * _F(low - top)
+    numbers[AREA, i] *= _F(count) / _F(SPOTS)
+
+
 @jit.parallel_kernel
 def _find_free(queue, scene, charts, chart, numbers):
     scene, charts, chart, numbers = jit.borrow(scene), jit.borrow(charts), jit.borrow(chart), jit.borrow(numbers)
     chunk = jit.take(queue)
     while chunk * _CHUNK < numbers.shape[1]:
         for i in range(chunk * _CHUNK, min(numbers.shape[1], (chunk + 1) * _CHUNK)):
+            if _roofed(scene, charts, chart[i], numbers, i, SPOTS):
+                _crop(scene, charts, chart[i], numbers, i)
             mx, my, mz = point_of(numbers, i, SPOTS, LIFT)
             free, hidden = 0, 0
             for k in range(SPOTS):
@@ -90,6 +139,8 @@ def _find_free(queue, scene, charts, chart, numbers):
 
 def find_free(scene: Occlusion, charts: Array, chart: Array, numbers: Array, threads: int) -> None:
     """Fill the row FREE of elements, and take from their areas what is inside something that stands on them.
+
+    An element whose middle is close under something that lies on it is first cropped to the part of it that is not.
 
     A spot is free if the middle sees it. If a triangle of the element's own chart is between them, the surface only bends: then the spot is not
     free, as it is behind the surface, but nothing of the area is lost.

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from luxel.arrays import Array
-from luxel.radiosity.element import AREA, FREE, GX, GZ, LIFT, NX, NZ, PX, PZ, UX, UZ, VX, VZ, find_free
+from luxel.radiosity.element import AREA, GX, GZ, LIFT, NX, NZ, PX, PZ, UX, UZ, VX, VZ, find_free
 from luxel.radiosity.labour import Labour
 from luxel.radiosity.luxels import Luxels
 from luxel.radiosity.occlusion import Masks, Occlusion, prepare
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from luxel.radiosity.unwrap import Atlas
 
 _NEAR = 2e-5  # of the scene's diagonal
+_STEPS = np.array([0.6180339887498949, 0.7548776662466927, 0.5698402909980532])  # 1 / x, x^2 = x + 1; 1 / x and its square, x^3 = x + 1
 _MOST_CUTS = 32  # sub-points along a side of a luxel that emits
 
 
@@ -37,7 +38,7 @@ class Quality(NamedTuple):
     Attributes:
         light_points: At least so many points for all emitting surfaces, each of which shoots.
         light_resolution: Pixels along a face of a light's hemicube.
-        rays: Rays for elements from which a light is partly hidden, for each part of it that shoots.
+        rays: Spots of elements near a light at which each part of it is looked at, by rays; 0: none.
         seen: Rays by which each element looks around, and through which light is then passed on; 0: patches shoot it, as the lights do.
         gathered: Rays by which each element looks around once more for the last bounce; 0: it does not.
         unlike: If not, it looks closer for the last bounce where what it sees differs by more than so many times the mean (`closer`).
@@ -61,10 +62,10 @@ class Quality(NamedTuple):
 
 QUALITIES = {
     "draft": Quality(16, 64, 0, 64, 0),
-    "normal": Quality(64, 128, 4, 128, 0, unlike=8.0),
-    "final": Quality(256, 128, 16, 128, 1024),
+    "normal": Quality(256, 128, 4, 128, 0, unlike=8.0),
+    "final": Quality(1024, 128, 16, 128, 1024),
     "reference": Quality(256, 16, 64, 256, 4096, exact=True),
-    "progressive": Quality(64, 128, 4, 0, 0, patch=6),
+    "progressive": Quality(256, 128, 4, 0, 0, patch=6),
 }
 
 
@@ -163,7 +164,7 @@ def cut(luxels: Luxels, sides: tuple[Array, Array], geometry: Geometry, charts: 
     backs = np.flatnonzero(luxels.two_sided).astype(np.int32)
     luxel = np.concatenate([fronts, backs])
     numbers = np.concatenate([numbers[:, fronts], _turned(numbers[:, backs])], 1)
-    numbers[[AREA, FREE]] = labour.each(len(luxel), lambda some: _free(rays, charts, luxels.chart[luxel[some]], numbers[:, some], labour.threads))
+    numbers = labour.each(len(luxel), lambda some: _free(rays, charts, luxels.chart[luxel[some]], numbers[:, some], labour.threads))
     extent = (quality.patch * np.sqrt(numbers[AREA] / np.maximum(luxels.coverage[luxel], 0.05))).astype(np.float32)
     tree = build_tree(np.ascontiguousarray(numbers[PX : PZ + 1].T), np.ascontiguousarray(numbers[GX : GZ + 1].T), numbers[AREA], extent)
     elements = elements_of(_in_tree_order(tree, numbers))
@@ -186,10 +187,10 @@ def cut(luxels: Luxels, sides: tuple[Array, Array], geometry: Geometry, charts: 
 
 
 def _free(rays: Occlusion, charts: Array, chart: Array, numbers: Array, threads: int) -> Array:
-    """(2, k): the rows AREA and FREE that k elements should have."""
-    numbers = np.ascontiguousarray(numbers)
+    """(17, k): elements without what is covered (`find_free`)."""
+    numbers = np.array(numbers, order="C")
     find_free(rays, charts, chart, numbers, threads)
-    return numbers[[AREA, FREE]]
+    return numbers
 
 
 def _visible(rays: Occlusion, a: Array, b: Array, labour: Labour) -> Array:
@@ -206,8 +207,25 @@ def _lights(numbers: Array, emission: Array, luxel: Array, rays: Occlusion, qual
     fine, whole = _points(numbers, cuts, rays, labour)
     extent = np.full(fine.shape[1], side, np.float32)
     tree = build_tree(np.ascontiguousarray(fine[PX : PZ + 1].T), np.ascontiguousarray(fine[GX : GZ + 1].T), fine[AREA], extent)
-    origin = whole[tree.order]
-    return source_of(tree, _in_tree_order(tree, fine), quality.light_resolution), emission[origin].astype(np.float32), luxel[origin]
+    origin, ordered = whole[tree.order], _in_tree_order(tree, fine)
+    source = source_of(tree, ordered, quality.light_resolution)
+    scattered = source.shooters._replace(centers=_scattered(tree, ordered, rays, labour))
+    return source._replace(shooters=scattered), emission[origin].astype(np.float32), luxel[origin]
+
+
+def _scattered(tree: Tree, numbers: Array, rays: Occlusion, labour: Labour) -> Array:
+    """(p, 3) float32: a point of each patch, of elements (17, n) in the tree's order; they follow each other by the golden ratio, and its like in
+    the plane (Roberts 2018).
+
+    Were they in rows and columns, an edge parallel to these would hide many of them at once, and its shadow would have steps.
+    """
+    spans, number = tree.span[tree.patches].astype(np.int64), np.arange(1, len(tree.patches) + 1)
+    which, a, b = (_STEPS[:, None] * number) % 1.0
+    element = numbers[:, spans[:, 0] + (which * (spans[:, 1] - spans[:, 0])).astype(np.int64)]
+    middle = element[PX : PZ + 1] + LIFT * np.sqrt(element[AREA]) * element[GX : GZ + 1]
+    there = (element[PX : PZ + 1] + (a - 0.5) * element[UX : UZ + 1] + (b - 0.5) * element[VX : VZ + 1]).astype(np.float32)
+    free = _visible(rays, middle.T, there.T, labour)
+    return np.ascontiguousarray(np.where(free, there, element[PX : PZ + 1]).T)
 
 
 def _points(numbers: Array, cuts: int, rays: Occlusion, labour: Labour) -> tuple[Array, Array]:

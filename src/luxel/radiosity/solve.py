@@ -143,7 +143,7 @@ class State:
         chosen = np.sort(np.argsort(-total, kind="stable")[: at_once(len(total))])
         chosen = chosen[total[chosen] > 0]
         radiosity = self.power[chosen] / (tree.place[tree.patches[chosen], 7].astype(np.float64))[:, None]
-        gained, lost = _shoot(problem, problem.patches, chosen, rows, radiosity, labour)
+        gained, lost, _ = _shoot(problem, problem.patches, chosen, rows, radiosity, labour)
         self.whole = False
         self.escaped = self.escaped + lost
         for p in chosen:
@@ -169,6 +169,8 @@ class Rows:
         slot: (p,) int64: a patch's row, or -1.
         scale: (slots,) float64: what puts the row's sum right.
         lost: (slots,) float64: share of the shooter's light that reaches nothing.
+        more: (slots,) float64: of a light, the share of its light by which what elements receive and what is lost is more than it was to send, or
+            less. What each receives is known well; an error near the light is not to be put right by what is far away.
     """
 
     def __init__(self, patches: int, elements: int, kept: int, empty: Callable[..., Any] = np.empty) -> None:
@@ -177,7 +179,7 @@ class Rows:
         self.rows = empty((self.kept + BATCH, elements), np.uint16)
         self.touched = np.zeros((len(self.rows), -(-elements // BLOCK)), np.bool_)
         self.slot = np.full(patches, -1, np.int64)
-        self.scale, self.lost = np.ones(len(self.rows)), np.zeros(len(self.rows))
+        self.scale, self.lost, self.more = np.ones(len(self.rows)), np.zeros(len(self.rows)), np.zeros(len(self.rows))
         self.used = 0
 
     def place(self, patches: Array) -> tuple[Array, Array]:
@@ -271,9 +273,13 @@ def fill(problem: Problem, source: Source, chosen: Array, rows: Rows, labour: La
     rows.touched[to] = parts > 0
     parts = labour.join(parts, -(-problem.elements.numbers.shape[1] // BLOCK), grain=1)
     sums, areas = parts.sum(1), source.tree.place[who.node, 7].astype(np.float64)
-    scale = np.divide(areas, sums, out=np.ones(len(to)), where=sums > 0)
+    if source is problem.lights:
+        rows.lost[to] = escaped.sum(1)
+        rows.more[to] = sums / areas + rows.lost[to] - 1.0
+        return slots
     leaks = escaped.any(1)  # only if it sees nothing but fronts is all of its light received
-    scale[leaks] = 1.0 if source is problem.lights else np.minimum(scale[leaks], 1.0)  # what is passed on is never more than all
+    scale = np.divide(areas, sums, out=np.ones(len(to)), where=sums > 0)
+    scale[leaks] = np.minimum(scale[leaks], 1.0)  # what is passed on is never more than all
     rows.scale[to] = np.clip(scale, *SCALE_RANGE)
     rows.lost[to] = 1.0 - rows.scale[to] * sums / areas
     return slots
@@ -287,12 +293,14 @@ def complete(problem: Problem, source: Source, rows: Rows, labour: Labour) -> Ro
     return rows
 
 
-def _shoot(problem: Problem, source: Source, chosen: Array, rows: Rows, radiosity: Array, labour: Labour) -> tuple[Array, Array]:
-    """What the chosen patches give at their mean radiosity (s, 3): irradiance (3, n) float32, and the watts that reached nothing, (3,)."""
+def _shoot(problem: Problem, source: Source, chosen: Array, rows: Rows, radiosity: Array, labour: Labour) -> tuple[Array, Array, Array]:
+    """What the chosen patches give at their mean radiosity (s, 3): irradiance (3, n) float32; the watts that reached nothing, (3,); and those that
+    lights send beyond what they were to."""
     slots = fill(problem, source, chosen, rows, labour)
     gained = labour.receive(rows.rows, rows.touched, slots, (radiosity * rows.scale[slots][:, None]).astype(np.float32))
     areas = source.tree.place[source.tree.patches[chosen], 7].astype(np.float64)
-    return labour.join(gained, problem.elements.numbers.shape[1]), (radiosity * (areas * rows.lost[slots])[:, None]).sum(0)
+    lost, more = ((radiosity * (areas * share[slots])[:, None]).sum(0) for share in (rows.lost, rows.more))
+    return labour.join(gained, problem.elements.numbers.shape[1]), lost, more
 
 
 def mean(values: Array, area: Array, tree: Tree) -> Array:
@@ -307,10 +315,10 @@ def light_steps(problem: Problem, state: State, rows: Rows, labour: Labour) -> I
     while lights is not None and state.lights_left:
         chosen = np.arange(len(lights.tree.patches))[-state.lights_left :][:BATCH]
         radiosity = mean(problem.exitance, lights.numbers[AREA], lights.tree)[chosen]
-        gained, lost = _shoot(problem, lights, chosen, rows, radiosity, labour)
+        gained, lost, more = _shoot(problem, lights, chosen, rows, radiosity, labour)
         state.whole = False
-        state.escaped = state.escaped + np.maximum(lost, 0.0)
-        state.emitted = state.emitted + np.maximum(-lost, 0.0)  # what luxels receive is known better than what a light is to have sent
+        state.escaped = state.escaped + lost
+        state.emitted = state.emitted + more
         state.lights_left -= len(chosen)
         state.take_in(problem, gained, labour.threads, from_lights=True)
         _write(state, problem, len(chosen))

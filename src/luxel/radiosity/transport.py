@@ -4,6 +4,8 @@ For shooter s and element j the row holds K_j = F V: the form factor from the el
 the shooter's hemicube. B_s K_j is the irradiance that j receives. Rows are stored as the upper half of a float32, rounded, which is enough
 (0.2 %, without bias) and halves the memory to stream; where they are used, the shooter's own scale puts their sum right.
 
+What elements near a light see of it is told by rays: they may see much of it where their middle, or its, sees none.
+
 Visibility is blended from the four pixels about the element. What is drawn in a pixel hides the element only if it is in front of the element's
 tangent plane there, in front of the element itself, and if its own plane parts the element from the shooter: so neither a flat surface nor one
 bent inwards shadows itself, nor do walls darken the corners between them, whatever the resolution, and there is no bias to tune.
@@ -36,6 +38,7 @@ _F, _I = np.float32, np.int32
 _PER_PI = _F(1 / np.pi)
 _FAR = _F(16.0)  # squared distance over squared radius beyond which a node is taken as a whole
 _FLAT = _F(9.0)  # squared distance over area within which an element is a parallelogram
+_CLOSE = _F(3.0)  # sides of an element from a shooter within which rays tell what it sees
 _FLUSH = _F(1e-8)  # squared sine over a shooter's plane within which a receiver lies in it, but for rounding
 _BIAS = _F(1.0 - 1e-3)  # of a distance: rounding, and pixels' corners snapped
 DEEPEST = 64
@@ -79,7 +82,7 @@ class Visibility(NamedTuple):
     Attributes:
         scene: All triangles.
         number: Rays a pair of shooter and element; 0: none. They go from spots of the one to elements spread over the other.
-        always: For all pairs, for reference; False: for those that are partly hidden.
+        always: For all pairs, for reference; False: for those that are near each other.
     """
 
     scene: Occlusion
@@ -162,9 +165,15 @@ def _element_factor(j, x, y, z, nx, ny, nz, r2, cos_r, cos_s, corners, source):
 
 
 @jit.part
-def node_factor(root, x, y, z, nx, ny, nz, span, child, place, source, stack, corners):
-    """Form factor from a point with unit normal n to all elements below node `root`."""
-    total, depth = _F(0.0), 1
+def _hidden_from(scene, j, source, x, y, z):
+    """Whether something stands between element `j` of a source and a point."""
+    return occluded(scene, np.float64(source[PX, j]), np.float64(source[PY, j]), np.float64(source[PZ, j]), x, y, z, -1, -1)
+
+
+@jit.part
+def node_factor(root, x, y, z, nx, ny, nz, span, child, place, source, stack, corners, scene, ask):
+    """Form factor from a point with unit normal n to all elements below node `root`; and, if `ask`, to those nodes or elements that a ray sees."""
+    total, seen, depth = _F(0.0), _F(0.0), 1
     stack[0] = root
     while depth > 0:
         depth -= 1
@@ -178,14 +187,17 @@ def node_factor(root, x, y, z, nx, ny, nz, span, child, place, source, stack, co
             continue
         cos_r = nx * dx + ny * dy + nz * dz
         cos_s = -(place[node, 4] * dx + place[node, 5] * dy + place[node, 6] * dz)
+        part, j = _F(0.0), np.int64((span[node, 0] + span[node, 1]) // 2)
         if first < 0:
-            j = span[node, 0]
             if cos_s > _F(0.0) and cos_s * cos_s > _FLUSH * r2 and (cos_r > _F(0.0) or r2 < _FLAT * area):
-                total += _element_factor(j, x, y, z, nx, ny, nz, r2, cos_r, cos_s, corners, source)
+                part = _element_factor(j, x, y, z, nx, ny, nz, r2, cos_r, cos_s, corners, source)
         elif cos_r > _F(0.0) and cos_s > _F(0.0):
             cos_n = nx * place[node, 4] + ny * place[node, 5] + nz * place[node, 6]
-            total += spread_factor(cos_r, cos_s, cos_n, r2, area, place[node, 8])
-    return total
+            part = spread_factor(cos_r, cos_s, cos_n, r2, area, place[node, 8])
+        total += part
+        if ask and part > _F(0.0) and not _hidden_from(scene, j, source, x, y, z):
+            seen += part
+    return total, seen
 
 
 # Scratch of a thread, rows of ELEMENTS numbers in one array, so that the compiler knows that they do not overlap and uses vector registers.
@@ -283,8 +295,21 @@ def _ray_fraction(scene, rays, span, source, numbers, i):
     for k in range(rays):
         j = np.int64(span[0]) + (2 * k + 1) * np.int64(span[1] - span[0]) // (2 * rays)
         x, y, z = point_of(numbers, i, free_spot(free, k), LIFT)
-        seen += not occluded(scene, np.float64(source[PX, j]), np.float64(source[PY, j]), np.float64(source[PZ, j]), x, y, z, -1, -1)
+        seen += not _hidden_from(scene, j, source, x, y, z)
     return _F(seen) / _F(rays)
+
+
+@jit.part
+def _near_fraction(node, rays, tree, source, scene, numbers, j, stack, corners):
+    """The same for an element near the shooter: of what spots of it would receive, what they do, by a ray to each part of the shooter."""
+    span, child, place = tree
+    whole, seen, free = _F(0.0), _F(0.0), np.int64(numbers[FREE, j])
+    nx, ny, nz = numbers[NX, j], numbers[NY, j], numbers[NZ, j]
+    for k in range(rays):
+        x, y, z = point_of(numbers, j, free_spot(free, k), LIFT)
+        all_, part = node_factor(node, x, y, z, nx, ny, nz, span, child, place, source, stack, corners, scene, True)
+        whole, seen = whole + all_, seen + part
+    return seen / whole if whole > _F(0.0) else _F(0.0)
 
 
 @jit.part
@@ -305,9 +330,12 @@ def share_of(i, j, at, node, resolution, center, near, c, tree, source, seen, ma
     pixels begin at `at`. `tree` are span, child and place, `seen` the depth and ids of hemicubes, and the planes of what is drawn there."""
     span, child, place = tree
     depth, ids, planes = seen
-    v = _seen_fraction(i, at, resolution, center, near, c, depth, ids, planes)
-    if rays > 0 and (always or _F(0.0) < v < _F(1.0)):
+    if always:
         v = _ray_fraction(scene, rays, span[node], source, numbers, j)
+    elif rays > 0 and c[_R2 + i] < (_CLOSE * math.sqrt(numbers[AREA, j]) + place[node, 3]) ** 2:
+        v = _near_fraction(node, rays, tree, source, scene, numbers, j, stack, corners)
+    else:
+        v = _seen_fraction(i, at, resolution, center, near, c, depth, ids, planes)
     if v == _F(0.0):
         return np.uint16(0)
     x, y, z = c[_X + i], c[_Y + i], c[_Z + i]
@@ -315,7 +343,7 @@ def share_of(i, j, at, node, resolution, center, near, c, tree, source, seen, ma
         return np.uint16(0)
     f = c[_FACTOR + i]
     if c[_R2 + i] < _FAR * place[node, 3] * place[node, 3]:
-        f = node_factor(node, x, y, z, c[_NX + i], c[_NY + i], c[_NZ + i], span, child, place, source, stack, corners)
+        f, _ = node_factor(node, x, y, z, c[_NX + i], c[_NY + i], c[_NZ + i], span, child, place, source, stack, corners, scene, False)
     return np.uint16((np.uint32(float_bits(f * v)) + np.uint32(0x8000)) >> np.uint32(16))
 
 
