@@ -42,14 +42,19 @@ _spot_part = jit.part(_spot)
 
 
 @jit.part
-def free_spot(free, k):
-    """Number `k` in a walk around the free spots of an element, of which `free` has the bits; the middle if there are none."""
+def free_from(free, s):
+    """The first free spot of an element from spot `s` on, of which `free` has the bits; the middle if there are none."""
     if free == 0:
         return SPOTS
-    s = (k * _STRIDE) % SPOTS
     while not free & (1 << s):
         s = (s + 1) % SPOTS
     return s
+
+
+@jit.part
+def free_spot(free, k):
+    """Number `k` in a walk around the free spots of an element."""
+    return free_from(free, (k * _STRIDE) % SPOTS)
 
 
 @jit.part

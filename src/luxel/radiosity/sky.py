@@ -17,8 +17,8 @@ from luxel.arrays import Array
 from luxel.jit import float_bits
 from luxel.radiosity import packet
 from luxel.radiosity.directions import on_hemisphere, turned
-from luxel.radiosity.element import GX, GY, GZ, LIFT, NX, NZ, SPOTS, point_of
-from luxel.radiosity.gather import NOWHERE, View
+from luxel.radiosity.element import FREE, NX, NZ, free_from
+from luxel.radiosity.gather import NOWHERE, View, start_ray
 from luxel.radiosity.hemicube import frames_of
 from luxel.radiosity.packet import AT, DX, DY, DZ, FOUND, OX, OY, OZ, WIDTH
 
@@ -62,13 +62,22 @@ def _pixel(picture, dx, dy, dz):
 
 
 @jit.part
-def _part(r, numbers, frame, i, a, b, part, side, wide, high, reach, local, c):
-    """Ray `r` of the packet goes through a part of a cell that has `side` times `side` of them."""
+def _part(r, numbers, frame, i, spot, a, b, part, side, wide, high, reach, local, c):
+    """Ray `r` of the packet goes from a spot of element `i` through a part of a cell that has `side` times `side` of them."""
     local[0], local[1], local[2] = on_hemisphere((a + (part % side + 0.5) / side) / wide, (b + (part // side + 0.5) / side) / high)
-    dx, dy, dz = turned(frame, local)
-    c[OX + r], c[OY + r], c[OZ + r] = point_of(numbers, i, SPOTS, LIFT)
-    c[DX + r], c[DY + r], c[DZ + r] = dx, dy, dz
-    c[AT + r] = reach if numbers[GX, i] * dx + numbers[GY, i] * dy + numbers[GZ, i] * dz > 0.0 else np.float32(0.0)
+    start_ray(numbers, frame, local, i, spot, reach, r, c)
+
+
+@jit.part
+def _spot_of_part(part, side):
+    """The spot from which a part of an edge's cell is looked through: an orthogonal array, the same in all cells, so that they fit together.
+
+    Spots' rows and columns are sums in the field of four elements of those of the parts, so each row and each column of the one meets each of the
+    other once.
+    """
+    a, b = part % side * (_FINELY // side), part // side * (_FINELY // side)
+    twice = (b << 1) ^ ((b >> 1) * 7)  # in that field, whose polynomial is x^2 + x + 1
+    return ((a ^ twice) & 3) * 4 + (a ^ b)
 
 
 @jit.part
@@ -119,6 +128,7 @@ def light_of(i, some, kind, scene, numbers, frame, reach, coarse, fine, local, c
     wide, high = kind.shape
     red = green = blue = 0.0
     cut, edges, rays = (0.0, 0.0, 0.0), 0, 0
+    free = np.int64(numbers[FREE, i])
     for a in range(wide if some else 0):
         for b in range(high):
             edges += kind[a, b] == _EDGE
@@ -133,7 +143,8 @@ def light_of(i, some, kind, scene, numbers, frame, reach, coarse, fine, local, c
                 red, green, blue = red + coarse[row, column, 0], green + coarse[row, column, 1], blue + coarse[row, column, 2]
             elif kind[a, b] == _EDGE:
                 for part in range(side * side):
-                    _part(np.uint64(rays), numbers, frame, i, a, b, part, side, wide, high, reach, local, c)
+                    spot = free_from(free, _spot_of_part(part, side))
+                    _part(np.uint64(rays), numbers, frame, i, spot, a, b, part, side, wide, high, reach, local, c)
                     rays += 1
                     if rays == WIDTH:
                         cut, rays = _parts_light(rays, cut, scene, fine, c, stack), 0
