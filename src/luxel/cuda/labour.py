@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -32,7 +33,14 @@ from luxel.radiosity.transport import Elements, Occluders, Shooters, Visibility
 
 _F = np.float32
 _MOST_ROWS = 1 << 15  # of a grid; a card takes no more than twice as many
+_WHOLE = float(1 << 48)  # whole numbers have one sum in whatever order threads add them
 _FEW_TRIANGLES = 1 << 14  # up to so many are drawn by a warp each, more by a thread each
+
+
+@cache
+def _shares(resolution: int) -> Array:
+    """(5 r r,) uint64: the share of a hemicube's light that goes through each pixel, in parts of `_WHOLE`."""
+    return np.rint(delta_form_factors(resolution).reshape(-1) * _WHOLE).astype(np.uint64)
 
 
 def labour_on(device: str, threads: int) -> Labour:
@@ -109,21 +117,21 @@ class GpuLabour(Labour):
         return Cubes(o[0], o[1], o[2], o[3], centers, frames, self.there(_GUARD), resolution, _F(near), wanted, keys, depth, ids)
 
     def draw(self, cubes: Cubes, escapes: Any) -> None:
-        """Draw hemicubes, and tell in `escapes` (s, 2), of zeros, whether light of theirs meets nothing, or a back."""
+        """Draw hemicubes, and add to `escapes` (s, 2) uint64 how much light of theirs meets nothing, or a back, in parts of `_WHOLE`."""
         launch, k, (s, pixels), triangles = self.gpu.launch, self.kernels, cubes.keys.shape, len(cubes.triangles)
         lanes = 32 if triangles <= _FEW_TRIANGLES else 1
         launch(k.clear_cubes, (pixels, s), cubes)
         launch(k.draw_cubes, (triangles * lanes, s), lanes, cubes)
         launch(k.read_cubes, (pixels, s), cubes)
-        launch(k.find_escapes, (pixels, s), cubes, self.there(delta_form_factors(cubes.resolution).reshape(-1)), escapes)
+        launch(k.find_escapes, (pixels, s), cubes, self.there(_shares(cubes.resolution)), escapes)
 
     def see(self, occluders: Occluders, who: Shooters, resolution: int, near: float) -> Drawn:
         """What shooters see, as `Cubes`."""
         gpu, s = self.gpu, len(who.node)
         cubes = self.cubes(occluders, resolution, near, gpu.array(who.centers), gpu.array(who.frames), gpu.array(np.ones(s, np.bool_)))
-        escapes = gpu.array(np.zeros((s, 2)))
+        escapes = gpu.array(np.zeros((s, 2), np.uint64))
         self.draw(cubes, escapes)
-        return Drawn(cubes, gpu.host(escapes))  # type: ignore[arg-type]
+        return Drawn(cubes, gpu.host(escapes) / _WHOLE)  # type: ignore[arg-type]
 
     def fill(self, elements: Elements, occluders: Occluders, rays: Visibility, shots: Shots, cubes: Cubes, rows: Any, sums: Any) -> None:
         """Fill rows of transport from what shooters see, and `sums` (s, blocks) with their sums."""

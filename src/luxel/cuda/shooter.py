@@ -47,7 +47,7 @@ class Shooter:
         centers, frames, wanted = gpu.empty((b, 3), np.float32), gpu.empty((b, 3, 3), np.float32), gpu.empty((b,), np.bool_)
         self.cubes = labour.cubes(problem.occluders, source.resolution, problem.near, centers, frames, wanted)
         self.shooters = there(tuple(source.shooters))
-        self.node, self.escapes = gpu.empty((b,), np.int32), gpu.empty((b, 2), np.float64)
+        self.node, self.escapes = gpu.empty((b,), np.int32), gpu.empty((b, 2), np.uint64)
         span, child, place = there((tree.span, tree.child, tree.place))
         self.shots = Shots(span, child, place, there(source.numbers), self.node, self.batch.slots)
         self.sums, self.shares = gpu.empty((b, blocks), np.float64), gpu.empty((b, PARTS), np.float64)

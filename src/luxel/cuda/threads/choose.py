@@ -118,7 +118,7 @@ def place_rows(_, batch, kept, wanted):
 def aim_shooter(s, batch, shooters, node, cubes, escapes):
     """The shooter's node, centre and frame, of those of all patches; and nothing is known to escape."""
     p = batch.chosen[s]
-    escapes[s, 0] = escapes[s, 1] = 0.0
+    escapes[s, 0] = escapes[s, 1] = np.uint64(0)
     if p < 0:
         return
     nodes, centers, frames = shooters
@@ -155,7 +155,7 @@ def settle_row(s, batch, cubes, node, place, power, shares, escapes, kept):
         for t in range(PARTS):
             total += shares[s, t]
         scale = area / total if total > 0.0 else 1.0
-        if escapes[s, 0] > 0.0 or escapes[s, 1] > 0.0:
+        if escapes[s, 0] > 0 or escapes[s, 1] > 0:
             scale = min(scale, 1.0)
         scale = min(max(scale, SCALE_RANGE[0]), SCALE_RANGE[1])
         kept.scale[slot], kept.lost[slot] = scale, 1.0 - scale * total / area

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from luxel.arrays import Array
-from luxel.cuda.machine import keep_least
+from luxel.cuda.machine import add, keep_least
 from luxel.cuda.threads.draw import EMPTY, depth_in, key_of
 from luxel.jit import float_bits, part
 from luxel.radiosity.batch import ELEMENTS
@@ -178,14 +178,14 @@ def read_pixel(i, s, cubes):
 
 
 @part
-def find_escape(i, s, cubes, deltas, escapes):
-    """escapes[s, 0] = 1 if light of shooter `s` through pixel `i`, which `deltas` (5 r r,) of the light goes through, meets nothing;
-    escapes[s, 1] = 1 if it meets a back. Both are 0 before."""
-    if cubes.wanted[s] and deltas[i] > 0.0:
+def find_escape(i, s, cubes, shares, escapes):
+    """Add the share of the light of shooter `s` through pixel `i`, of `shares` (5 r r,) uint64, to escapes[s, 0] if it meets nothing, and to
+    escapes[s, 1] if it meets a back."""
+    if cubes.wanted[s] and shares[i] > 0:
         t, o = cubes.ids[s * cubes.keys.shape[1] + i], cubes.centers[s]
         what = fate(t, o[0], o[1], o[2], cubes.planes, cubes.two_sided)
         if what != MEETS:
-            escapes[s, what - 1] = 1.0
+            add(escapes, (s, what - 1), shares[i])
 
 
 @part
