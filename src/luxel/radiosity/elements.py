@@ -61,7 +61,7 @@ class Quality(NamedTuple):
 
 
 QUALITIES = {
-    "draft": Quality(16, 64, 0, 64, 0),
+    "draft": Quality(64, 64, 0, 64, 0),
     "normal": Quality(256, 128, 4, 128, 0, unlike=8.0),
     "final": Quality(1024, 128, 16, 128, 1024),
     "reference": Quality(256, 16, 64, 256, 4096, exact=True),
