@@ -160,7 +160,8 @@ def truth_table(chosen: list[Case], keep: Path | None) -> str:
         "RMSE over luxels and channels, relative to the mean irradiance, beside Mitsuba's path tracer (scalar_rgb, 64 bounces), which averages over "
         "each luxel's footprint. The noise of the reference, known from its two independent halves, is taken off in quadrature. Compared are luxels "
         "drawn at random from the whole texels on which nothing stands: where a leg or a wall's foot covers a part of one, it has no one irradiance; "
-        "nor those in which two surfaces lie in each other. `progressive` is the classic method: patches shoot, through hemicubes. "
+        "nor those in which two surfaces lie in each other, or on which something lies, a tenth of a side above or less. "
+        "`progressive` is the classic method: patches shoot, through hemicubes. "
         "Aimed at: under 3 % at `normal` and 1 % at `final`. docs/gallery/bake-error.png shows the Cornell box's error at `normal`."
     )
     return f"{table(head, rows)}\n\n{note}"

@@ -181,7 +181,8 @@ def baking(repeats: int = 2) -> str:
 
 def order(source: str, target: str) -> None:
     """Lay a file out: under mpiexec with all ranks, else alone; rank 0 prints what it took."""
-    from luxel.cluster.comm import launched, world
+    from luxel.cluster.comm import world
+    from luxel.cluster.launchers import launched
     from luxel.cluster.layout_file import optimize_file
     from luxel.layout import files
     from luxel.layout.optimize import Options

@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from luxel.cluster.comm import Comm, launched, world
+from luxel.cluster.comm import Comm, world
+from luxel.cluster.launchers import launched
 from luxel.errors import ExtraMissingError
 
 RANKS = Path(__file__).with_name("ranks.py")

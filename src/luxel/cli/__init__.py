@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Sequence
 
 from luxel import interrupts
+from luxel.cluster.launchers import follows
 from luxel.errors import LuxelError, in_words
 
 
@@ -54,7 +55,7 @@ def _guarded(words: list[str]) -> int:
             print(f"luxel: {interrupts.told()}", file=sys.stderr)  # noqa: T201
             return interrupts.exit_code()
         usage = getattr(error, "format_message", None)  # typer's own errors, wherever this version of it keeps them
-        if usage and any(os.environ.get(name, "0") != "0" for name in ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK")):
+        if usage and follows():
             return 2  # every rank has read the same words; the first one says what is wrong with them
         if usage:
             return _fail(_suggested(error, usage(), words), 2, words, error)

@@ -84,7 +84,8 @@ def optimize(
     What is drawn stays the same. Shows caches, overdraw and fetches before and after. Under mpiexec the ranks share the work; a binary .ply of
     triangles is then larger than any of them need hold.
     """
-    from luxel.cluster.comm import launched, world
+    from luxel.cluster.comm import world
+    from luxel.cluster.launchers import launched
     from luxel.layout.files import FORMATS, optimize_file
     from luxel.layout.optimize import Options
 

@@ -26,16 +26,15 @@ import numpy as np
 
 from luxel.arrays import Array
 from luxel.cluster.failure import Witness
+from luxel.cluster.launchers import launched, started
 from luxel.errors import ExtraMissingError, InputError
 from luxel.interrupts import stop_on_signals
 from luxel.unfinished import listen
 
-_LAUNCHERS = ("PMI_RANK", "PMIX_RANK", "PMI_ID", "OMPI_COMM_WORLD_RANK", "MPI_LOCALRANKID", "MV2_COMM_WORLD_RANK")
 _PATIENCE = 0.002  # seconds of waiting without sleep
 _NAP = 0.005
 _MOVED = 7  # tag of what `move` sends, apart from what else is under way
 _MOST_BYTES = 1 << 30  # of one message: MPI counts in int32
-_SIZES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "MV2_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS")  # how many processes a launcher says it has started
 
 
 class Comm:
@@ -319,16 +318,6 @@ def _pieces(array: Array) -> list[Array]:
     return [flat[start : start + step] for start in range(0, len(flat), step)]
 
 
-def launched() -> bool:
-    """Whether a launcher of MPI started this process, or Slurm's, whether or not it has told MPI so."""
-    return any(name in os.environ for name in _LAUNCHERS) or _started() > 1
-
-
-def _started() -> int:
-    """How many processes, with this one, a launcher says it has started; 1 if none says anything."""
-    return next((int(os.environ[name]) for name in _SIZES if os.environ.get(name, "").isdigit()), 1)
-
-
 _SLURM = ("start with `srun --mpi=pmi2` or `--mpi=pmix` (`srun --mpi=list` tells what there is), or with the `mpiexec` that came with this MPI, or "
           "build mpi4py against the site's MPI (`pip install --no-binary mpi4py mpi4py`). For processes that have nothing to do with each other, "
           "`unset SLURM_STEP_NUM_TASKS`")  # fmt: skip
@@ -353,9 +342,9 @@ def world() -> Comm:
         raise ExtraMissingError("mpi4py", "mpi", "running under an MPI launcher") from error
     ranks = _MpiRanks(MPI, MPI.COMM_WORLD, witness)
     atexit.register(witness.rest)
-    if ranks.size == 1 and _started() > 1:
+    if ranks.size == 1 and started() > 1:
         what, remedy = " ".join(MPI.Get_library_version()[:60].split()[:3]), _SLURM if "SLURM_STEP_NUM_TASKS" in os.environ else _LAUNCHER
-        raise InputError(f"this is one of {_started()} processes, and {what} takes it for the only one, so each would do all of the work: {remedy}")
+        raise InputError(f"this is one of {started()} processes, and {what} takes it for the only one, so each would do all of the work: {remedy}")
     if ranks.size > 1:
         sys.excepthook = lambda kind, error, trace: ranks.end(error)
         stop_on_signals()

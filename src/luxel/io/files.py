@@ -71,7 +71,8 @@ def open_plain(path: Path, where: object | None = None) -> IO[bytes]:
 def _near(path: Path) -> str:
     """What the name may have been meant to be, of what is in the folder."""
     with suppress(OSError):
-        found = difflib.get_close_matches(path.name, os.listdir(path.parent), 1)
+        like = [name for name in os.listdir(path.parent) if difflib.get_close_matches(path.stem, [Path(name).stem], 1)]  # endings are all alike
+        found = difflib.get_close_matches(path.name, like, 1)
         return f"; did you mean {path.with_name(found[0])}?" if found else ""
     return f"; there is no folder {str(path.parent)!r}"
 

@@ -58,13 +58,13 @@ def _add_parts(rays, i, scene, numbers, lookup, light, c, stack, total):
     """`total` (red, green, blue, rays that tell) and what the first `rays` of a packet of element `i` bring."""
     rays_to_nowhere(rays, c)
     packet.meet_all(scene, c, stack)
-    red, green, blue, told = total
+    red, green, blue, known = total
     for r in range(np.uint64(rays)):
         e = met_by(r, i, scene, numbers, lookup, c)
         if e != LOST:
             k = np.uint64(e + 3)
-            red, green, blue, told = red + light[k, 0], green + light[k, 1], blue + light[k, 2], told + _F(1.0)
-    return red, green, blue, told
+            red, green, blue, known = red + light[k, 0], green + light[k, 1], blue + light[k, 2], known + _F(1.0)
+    return red, green, blue, known
 
 
 @jit.part
@@ -75,7 +75,7 @@ def look_closer(i, hits, cell, again, scene, numbers, frame, reach, lookup, ligh
     """
     wide, high = again.shape
     free = np.int64(numbers[FREE, i])
-    red = green = blue = told = _F(0.0)
+    red = green = blue = known = _F(0.0)
     close, rays, parts = (_F(0.0), _F(0.0), _F(0.0), _F(0.0)), 0, 0
     for k in range(len(cell)):
         a, b = cell[k, 0], cell[k, 1]
@@ -90,11 +90,11 @@ def look_closer(i, hits, cell, again, scene, numbers, frame, reach, lookup, ligh
                     close, rays = _add_parts(rays, i, scene, numbers, lookup, light, c, stack, close), 0
         elif hits[i, k] != LOST:
             e = np.uint64(hits[i, k] + 3)
-            red, green, blue, told = red + light[e, 0], green + light[e, 1], blue + light[e, 2], told + _F(1.0)
+            red, green, blue, known = red + light[e, 0], green + light[e, 1], blue + light[e, 2], known + _F(1.0)
     if rays > 0:
         close = _add_parts(rays, i, scene, numbers, lookup, light, c, stack, close)
     one = _F(1.0 / _PARTS)  # of a cell: so much does one of its rays count beside a cell that is not looked at closer
-    share = _F(1.0) / max(told + close[3] * one, one)
+    share = _F(1.0) / max(known + close[3] * one, one)
     return (red + close[0] * one) * share, (green + close[1] * one) * share, (blue + close[2] * one) * share
 
 

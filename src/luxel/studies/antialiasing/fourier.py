@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from luxel.arrays import Array
+from luxel.cluster.launchers import launched
 from luxel.filter.transform import dft2, fft2, idft2, ifft2
 from luxel.studies.antialiasing import PAPER
 from luxel.studies.report import Report, published
@@ -64,7 +65,7 @@ def launcher() -> str | None:
 def over_ranks(sizes: list[int], ranks: int, threads: int) -> dict[int, float] | None:
     """Seconds of the inverse direct transform of each size by `ranks` ranks of `threads` threads; None without MPI."""
     command = launcher()
-    if command is None or "PMI_RANK" in os.environ:  # or already one of several ranks
+    if command is None or launched():  # or already one of several ranks
         return None
     line = [command, "-n", str(ranks), sys.executable, "-m", __name__, json.dumps(sizes), str(threads)]
     done = subprocess.run(line, capture_output=True, text=True, check=True)

@@ -8,8 +8,8 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-from luxel.cluster.comm import launched
 from luxel.cluster.composite import COMPOSITIONS
+from luxel.cluster.launchers import launched
 from luxel.errors import InputError, LuxelWarning
 from luxel.studies.cluster import calibrate
 from luxel.studies.cluster.facts import Facts, facts_of
