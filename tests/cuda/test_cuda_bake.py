@@ -127,6 +127,7 @@ def test_what_is_seen(gpu, monkeypatch):
             self.cubes, count = theirs.seen, drawn.seen.start[-1]
             np.testing.assert_array_equal(gpu.host(self.cubes.ids), drawn.seen.ids[:count])
             np.testing.assert_array_equal(gpu.host(self.cubes.depth), drawn.seen.depth[:count])
+            np.testing.assert_allclose(theirs.escaped, drawn.escaped, atol=1e-9)
             np.testing.assert_array_equal(theirs.escaped > 0, drawn.escaped > 0)
             self.found.append("see")
             return drawn

@@ -26,7 +26,7 @@ too small or missing, and of texels with two charts; and the ratio of the most t
 
 MOST_GUTTER = 4
 _SLACK = 1e-4  # beyond 0..1 by rounding
-_BYTES_A_LUXEL, _BYTES_A_RAY, _BYTES_A_TRIANGLE, _BYTES_AT_LEAST = 750, 4, 400, 150 << 20
+_BYTES_A_LUXEL, _BYTES_A_RAY, _BYTES_A_TRIANGLE, _BYTES_AT_LEAST = 1020, 4, 400, 150 << 20
 _RAYS = 128  # of a luxel in a bake of normal quality without a sky
 _SECONDS_A_LUXEL, _SECONDS_A_TRIANGLE, _SECONDS_AT_LEAST = 2.5e-5, 2e-5, 0.5
 

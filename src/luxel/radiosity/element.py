@@ -6,6 +6,7 @@ neighbours, and nothing that matters is that thin.
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy as np
 from luxel import jit
 from luxel.arrays import Array
 from luxel.radiosity.nearest import nearest
-from luxel.radiosity.occlusion import Occlusion
+from luxel.radiosity.occlusion import Occlusion, occluded
 
 # Rows of `Elements.numbers`; FREE holds a bit for each spot that is not inside something that stands on the element, 0 if only the middle is not.
 PX, PY, PZ, NX, NY, NZ, GX, GY, GZ, AREA, UX, UY, UZ, VX, VY, VZ, FREE = range(17)
@@ -25,7 +26,7 @@ SPOTS = _SIDE * _SIDE
 LIFT = np.float32(0.025)
 """Of an element's side: how high above the surface its spots are."""
 
-_CLOSE = np.float32(0.1)  # of an element's side: what is so near above it lies on it, and lets no light in below
+_ROOF = np.float32(0.1)  # of an element's side: what is so near above it lies on it, and lets no light in below
 _CHUNK = 512
 _STRIDE = 7  # from spot to spot, so that those that follow each other are apart
 _F, _HALF, _STEP = np.float32, np.float32(0.5), np.float32(1 / _SIDE)
@@ -39,6 +40,19 @@ def _spot(k):
 
 
 _spot_part = jit.part(_spot)
+
+
+def _rectangles():
+    """(100, 5) int64: the bits of the spots of each rectangle, and its first and behind its last column, and row; the largest first."""
+    sides = list(itertools.combinations(range(_SIDE + 1), 2))
+    found = [
+        (sum(1 << (r * _SIDE + c) for r in range(top, low) for c in range(left, right)), left, right, top, low)
+        for (top, low), (left, right) in itertools.product(sides, sides)
+    ]
+    return np.array(sorted(found, key=lambda rectangle: -rectangle[0].bit_count()))
+
+
+_RECTANGLES = _rectangles()
 
 
 @jit.part
@@ -77,29 +91,22 @@ def spots_on(position: Array, u: Array, v: Array) -> Array:
 @jit.part
 def _roofed(scene, charts, own, numbers, i, spot):
     """Whether something of another chart is close above a spot of element `i`."""
-    height = np.float64(_CLOSE) * math.sqrt(numbers[AREA, i])
+    height = np.float64(_ROOF) * math.sqrt(numbers[AREA, i])
     x, y, z = point_of(numbers, i, spot, _F(0.0))
     dx, dy, dz = height * numbers[GX, i], height * numbers[GY, i], height * numbers[GZ, i]
-    met, _, _ = nearest(scene, np.float64(x), np.float64(y), np.float64(z), dx, dy, dz)
-    return met >= 0 and charts[met] != own
+    ox, oy, oz = np.float64(x), np.float64(y), np.float64(z)
+    met, _, _ = nearest(scene, ox, oy, oz, dx, dy, dz)
+    return met >= 0 and charts[met] != own and occluded(scene, ox, oy, oz, ox + dx, oy + dy, oz + dz, -1, -1)  # not through a hole
 
 
 @jit.part
 def _largest(bits):
-    """Columns and rows, each first and behind the last, of the largest rectangle of spots whose bits are set."""
-    best, found = 0, (0, 0, 0, 0)
-    for a in range(_SIDE):
-        for b in range(_SIDE):
-            for right in range(a + 1, _SIDE + 1):
-                for low in range(b + 1, _SIDE + 1):
-                    whole = True
-                    for r in range(b, low):
-                        for c in range(a, right):
-                            whole = whole and (bits & (1 << (r * _SIDE + c))) != 0
-                    size = (right - a) * (low - b)
-                    if whole and size > best:
-                        best, found = size, (a, right, b, low)
-    return found
+    """First and behind the last column, and row, of the largest rectangle of spots whose bits are set; all 0 if there is none."""
+    for k in range(len(_RECTANGLES)):
+        mask = _RECTANGLES[k, 0]
+        if bits & mask == mask:
+            return _RECTANGLES[k, 1], _RECTANGLES[k, 2], _RECTANGLES[k, 3], _RECTANGLES[k, 4]
+    return 0, 0, 0, 0
 
 
 @jit.part
@@ -117,7 +124,7 @@ def _crop(scene, charts, own, numbers, i):
         u, v = numbers[UX + axis, i], numbers[VX + axis, i]
         numbers[PX + axis, i] += a * u + b * v
         numbers[UX + axis, i], numbers[VX + axis, i] = u * _STEP * _F(right - left), v * _STEP * _F(low - top)
-    numbers[AREA, i] *= _F(count) / _F(SPOTS)
+    numbers[AREA, i] *= _F(count) / _F(SPOTS)  # all that is open, though the sides are those of a part of it
 
 
 @jit.parallel_kernel

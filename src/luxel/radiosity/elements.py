@@ -36,7 +36,7 @@ class Quality(NamedTuple):
     """How finely the light is cut.
 
     Attributes:
-        light_points: At least so many points for all emitting surfaces, each of which shoots.
+        light_points: About so many points for all emitting surfaces, each of which shoots.
         light_resolution: Pixels along a face of a light's hemicube.
         rays: Spots of elements near a light at which each part of it is looked at, by rays; 0: none.
         seen: Rays by which each element looks around, and through which light is then passed on; 0: patches shoot it, as the lights do.
@@ -188,7 +188,7 @@ def cut(luxels: Luxels, sides: tuple[Array, Array], geometry: Geometry, charts: 
 
 def _free(rays: Occlusion, charts: Array, chart: Array, numbers: Array, threads: int) -> Array:
     """(17, k): elements without what is covered (`find_free`)."""
-    numbers = np.array(numbers, order="C")
+    numbers = np.ascontiguousarray(numbers)
     find_free(rays, charts, chart, numbers, threads)
     return numbers
 

@@ -1,9 +1,9 @@
 """Sky: its light on every element, from what elements see.
 
 The rays by which elements look around lie one each in cells of equal weight of the hemisphere (Hammersley points). A cell whose neighbours agree with
-it, for this element and those beside it, on whether the sky is there is taken as a whole; any other has sixteen rays more, or four where so many
-cells are at edges (in foliage, say) that these are enough. What is much brighter than the rest, such as the sun, is left to directional lights
-(`direct`).
+it, for this element and those beside it, on whether the sky is there is taken as a whole; any other has sixteen rays more, from as many spots,
+or four where so many cells are at edges (in foliage, say) that these are enough. What is much brighter than the rest, such as the sun, is left to
+directional lights (`direct`).
 """
 
 from __future__ import annotations
@@ -75,9 +75,10 @@ def _spot_of_part(part, side):
     Spots' rows and columns are sums in the field of four elements of those of the parts, so each row and each column of the one meets each of the
     other once.
     """
-    a, b = part % side * (_FINELY // side), part // side * (_FINELY // side)
+    step = (_FINELY - 1) // (side - 1)
+    a, b = part % side * step, part // side * step
     twice = (b << 1) ^ ((b >> 1) * 7)  # in that field, whose polynomial is x^2 + x + 1
-    return ((a ^ twice) & 3) * 4 + (a ^ b)
+    return (a ^ twice) * 4 + (a ^ b)
 
 
 @jit.part

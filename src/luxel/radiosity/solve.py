@@ -33,7 +33,7 @@ _HERE = 5.0
 SCALES = 0.5, 2.0  # of what elements pass on: beyond, there are too few rays to tell
 _ROUNDING = 1e-6
 SCALE_RANGE = 0.25, 4.0
-"""A row's sum is put right by no more than this; what is left over counts as escaped."""
+"""The sum of a patch's row is put right by no more than this; what is left over counts as escaped."""
 
 
 class Source(NamedTuple):
@@ -100,6 +100,7 @@ class State:
         unshot: (3, n) float32: radiosity not yet shot, W/m2.
         power: (p, 3) float64: the same by patch, W.
         lights_left: Patches of the lights that have still to shoot.
+        emitted: Of all lights, W; of those that have shot, what elements have received of theirs and what has escaped.
         shots, escaped: So far; escaped (3,) float64 watts. An element's own shots are not counted.
         ledger: One `Step` a batch.
         whole: False while a step changes it, until the ledger has its line: what is interrupted there is not to be kept.
@@ -169,8 +170,8 @@ class Rows:
         slot: (p,) int64: a patch's row, or -1.
         scale: (slots,) float64: what puts the row's sum right.
         lost: (slots,) float64: share of the shooter's light that reaches nothing.
-        more: (slots,) float64: of a light, the share of its light by which what elements receive and what is lost is more than it was to send, or
-            less. What each receives is known well; an error near the light is not to be put right by what is far away.
+        surplus: (slots,) float64: of a light, the share of its light by which what elements receive and what is lost is more than it was to send, or
+            less.
     """
 
     def __init__(self, patches: int, elements: int, kept: int, empty: Callable[..., Any] = np.empty) -> None:
@@ -179,7 +180,7 @@ class Rows:
         self.rows = empty((self.kept + BATCH, elements), np.uint16)
         self.touched = np.zeros((len(self.rows), -(-elements // BLOCK)), np.bool_)
         self.slot = np.full(patches, -1, np.int64)
-        self.scale, self.lost, self.more = np.ones(len(self.rows)), np.zeros(len(self.rows)), np.zeros(len(self.rows))
+        self.scale, self.lost, self.surplus = np.ones(len(self.rows)), np.zeros(len(self.rows)), np.zeros(len(self.rows))
         self.used = 0
 
     def place(self, patches: Array) -> tuple[Array, Array]:
@@ -273,9 +274,9 @@ def fill(problem: Problem, source: Source, chosen: Array, rows: Rows, labour: La
     rows.touched[to] = parts > 0
     parts = labour.join(parts, -(-problem.elements.numbers.shape[1] // BLOCK), grain=1)
     sums, areas = parts.sum(1), source.tree.place[who.node, 7].astype(np.float64)
-    if source is problem.lights:
-        rows.lost[to] = escaped.sum(1)
-        rows.more[to] = sums / areas + rows.lost[to] - 1.0
+    if source is problem.lights:  # what each element receives is known well: an error near the light is not put right by what is far away
+        rows.lost[to] = np.clip(1.0 - sums / areas, 0.0, escaped.sum(1))
+        rows.surplus[to] = sums / areas + rows.lost[to] - 1.0
         return slots
     leaks = escaped.any(1)  # only if it sees nothing but fronts is all of its light received
     scale = np.divide(areas, sums, out=np.ones(len(to)), where=sums > 0)
@@ -299,7 +300,7 @@ def _shoot(problem: Problem, source: Source, chosen: Array, rows: Rows, radiosit
     slots = fill(problem, source, chosen, rows, labour)
     gained = labour.receive(rows.rows, rows.touched, slots, (radiosity * rows.scale[slots][:, None]).astype(np.float32))
     areas = source.tree.place[source.tree.patches[chosen], 7].astype(np.float64)
-    lost, more = ((radiosity * (areas * share[slots])[:, None]).sum(0) for share in (rows.lost, rows.more))
+    lost, more = ((radiosity * (areas * share[slots])[:, None]).sum(0) for share in (rows.lost, rows.surplus))
     return labour.join(gained, problem.elements.numbers.shape[1]), lost, more
 
 

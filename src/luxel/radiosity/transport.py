@@ -2,7 +2,7 @@
 
 For shooter s and element j the row holds K_j = F V: the form factor from the element's centre to the shooter, and how much of it is seen in
 the shooter's hemicube. B_s K_j is the irradiance that j receives. Rows are stored as the upper half of a float32, rounded, which is enough
-(0.2 %, without bias) and halves the memory to stream; where they are used, the shooter's own scale puts their sum right.
+(0.2 %, without bias) and halves the memory to stream; where they are used, a scale puts the sum of a patch's right.
 
 What elements near a light see of it is told by rays: they may see much of it where their middle, or its, sees none.
 
@@ -38,7 +38,7 @@ _F, _I = np.float32, np.int32
 _PER_PI = _F(1 / np.pi)
 _FAR = _F(16.0)  # squared distance over squared radius beyond which a node is taken as a whole
 _FLAT = _F(9.0)  # squared distance over area within which an element is a parallelogram
-_CLOSE = _F(3.0)  # sides of an element from a shooter within which rays tell what it sees
+_SIDES_NEAR = _F(3.0)  # sides of an element from a shooter within which rays tell what it sees
 _FLUSH = _F(1e-8)  # squared sine over a shooter's plane within which a receiver lies in it, but for rounding
 _BIAS = _F(1.0 - 1e-3)  # of a distance: rounding, and pixels' corners snapped
 DEEPEST = 64
@@ -81,7 +81,7 @@ class Visibility(NamedTuple):
 
     Attributes:
         scene: All triangles.
-        number: Rays a pair of shooter and element; 0: none. They go from spots of the one to elements spread over the other.
+        number: Spots of an element from which a ray goes to each part of the shooter; if for all pairs, rays; 0: none.
         always: For all pairs, for reference; False: for those that are near each other.
     """
 
@@ -307,8 +307,8 @@ def _near_fraction(node, rays, tree, source, scene, numbers, j, stack, corners):
     nx, ny, nz = numbers[NX, j], numbers[NY, j], numbers[NZ, j]
     for k in range(rays):
         x, y, z = point_of(numbers, j, free_spot(free, k), LIFT)
-        all_, part = node_factor(node, x, y, z, nx, ny, nz, span, child, place, source, stack, corners, scene, True)
-        whole, seen = whole + all_, seen + part
+        given, part = node_factor(node, x, y, z, nx, ny, nz, span, child, place, source, stack, corners, scene, True)
+        whole, seen = whole + given, seen + part
     return seen / whole if whole > _F(0.0) else _F(0.0)
 
 
@@ -330,20 +330,21 @@ def share_of(i, j, at, node, resolution, center, near, c, tree, source, seen, ma
     pixels begin at `at`. `tree` are span, child and place, `seen` the depth and ids of hemicubes, and the planes of what is drawn there."""
     span, child, place = tree
     depth, ids, planes = seen
+    x, y, z = c[_X + i], c[_Y + i], c[_Z + i]
     if always:
         v = _ray_fraction(scene, rays, span[node], source, numbers, j)
-    elif rays > 0 and c[_R2 + i] < (_CLOSE * math.sqrt(numbers[AREA, j]) + place[node, 3]) ** 2:
+    elif rays > 0 and c[_R2 + i] < (_SIDES_NEAR * math.sqrt(numbers[AREA, j]) + place[node, 3]) ** 2:
         v = _near_fraction(node, rays, tree, source, scene, numbers, j, stack, corners)
     else:
         v = _seen_fraction(i, at, resolution, center, near, c, depth, ids, planes)
+        if v > _F(0.0) and len(masked.link) > 0 and _may_meet(masked.box[0], center, x, y, z) and _hidden(masked, center, x, y, z):
+            return np.uint16(0)
     if v == _F(0.0):
-        return np.uint16(0)
-    x, y, z = c[_X + i], c[_Y + i], c[_Z + i]
-    if len(masked.link) > 0 and not always and _may_meet(masked.box[0], center, x, y, z) and _hidden(masked, center, x, y, z):
         return np.uint16(0)
     f = c[_FACTOR + i]
     if c[_R2 + i] < _FAR * place[node, 3] * place[node, 3]:
         f, _ = node_factor(node, x, y, z, c[_NX + i], c[_NY + i], c[_NZ + i], span, child, place, source, stack, corners, scene, False)
+    f = min(f, place[node, 7] / numbers[AREA, j])  # none receives more than all, however near its middle is
     return np.uint16((np.uint32(float_bits(f * v)) + np.uint32(0x8000)) >> np.uint32(16))
 
 

@@ -66,7 +66,7 @@ class Cubes(NamedTuple):
 
 
 class Receivers(NamedTuple):
-    """Who receives: numbers (17, n) and bounds of `Elements`; all that hides, and what of it is masked; rays a pair, and whether for all pairs."""
+    """Who receives: numbers (17, n) and bounds of `Elements`; all that hides, and what of it is masked; rays and for which pairs (`Visibility`)."""
 
     numbers: Array
     bounds: Array
