@@ -86,7 +86,7 @@ def test_nothing_is_left_of_what_rank_0_writes_when_another_dies(tmp_path, what,
     job = started(tmp_path, how, WORDS[what])
     _, err = job.communicate(timeout=30)
     assert job.returncode != 0
-    assert SAID[how] in err or "rank 1 of 2: was killed, or left without a word" in err
+    assert SAID[how] in err
     assert until(lambda: not left(tmp_path), 10), left(tmp_path)  # the witness comes after the rank
 
 

@@ -148,9 +148,10 @@ class _MpiRanks(Comm):
 
         machine = comm.Split_type(mpi.COMM_TYPE_SHARED)
         own = own_cores()
-        self.neighbours, self.here = sum(not own.isdisjoint(cores) for cores in machine.allgather(own)), machine.Get_size()
+        cores, processes = zip(*machine.allgather((own, os.getpid())), strict=True)
+        self.neighbours, self.here = sum(not own.isdisjoint(others) for others in cores), machine.Get_size()
         machine.Free()
-        witness.know(f"rank {self.rank} of {self.size}")
+        witness.know(f"rank {self.rank} of {self.size}", list(processes))
 
     def _wait(self, ready: Callable[[], bool]) -> None:
         """Until it is: asleep where it takes long, since MPI's own waiting keeps a core busy that others could use."""

@@ -2,7 +2,8 @@
 
 What a rank raises it can say. What kills it, it cannot: so each rank has a witness, a process forked before anything is large, that waits at the end
 of a pipe. It passes on what its rank says, or says how it died; of the witnesses of one machine the first speaks, since ranks that are stopped
-because of another have nothing to say.
+because of another have nothing to say. Until it has spoken it holds the sockets that its rank had from the launcher, which so takes the rank for
+alive and stops no other; then it stops the others itself. So it is the right one that speaks first, however busy the machine is.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import socket
 import sys
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 
 from luxel import interrupts
@@ -24,7 +25,7 @@ FAILED = 2
 _LAST_WORD = 0.5  # seconds that the launcher has to pass on what a rank said before it stops them all
 _CLEANING = 8.0  # seconds that rank 0 has, when all are interrupted, to end what it computes, keep a state, and remove what it was writing
 _SILENCE = 2.0  # seconds after one's word in which the others' is not news
-_PEACE, _SPOKEN, _NAME, _BEGUN, _ENDED = b".", b"!", b"=", b"+", b"-"  # first bytes of the lines that a rank tells its witness
+_PEACE, _SPOKEN, _NAME, _FELLOWS, _BEGUN, _ENDED = b".", b"!", b"=", b"&", b"+", b"-"  # first bytes of the lines that a rank tells its witness
 
 
 class Witness:
@@ -44,10 +45,11 @@ class Witness:
                 _wait(read, self._rank, launcher)
             os.close(read)
 
-    def know(self, name: str) -> None:
-        """The rank is called this."""
+    def know(self, name: str, fellows: list[int]) -> None:
+        """The rank is called this, and these processes are the ranks of its machine."""
         self.name = name
         self._tell(_NAME, name.encode())
+        self._tell(_FELLOWS, " ".join(map(str, fellows)).encode())
 
     def unfinished(self, path: str, begun: bool) -> None:
         """A file or folder is begun, which is to be removed should the rank end without peace; or it is ended (`luxel.unfinished`)."""
@@ -94,12 +96,10 @@ def _wait(read: int, rank: int, launcher: int) -> None:
         os.setsid()  # the launcher stops the group of a rank, at once
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, signal.SIG_IGN)
-        os.closerange(3, read)  # the launcher takes a rank for alive as long as anybody has its sockets
-        os.closerange(read + 1, 1024)
         nowhere = os.open(os.devnull, os.O_RDWR)
         os.dup2(nowhere, 0)
         os.dup2(nowhere, 1)
-        name, text, begun = "a rank", "", set[bytes]()
+        name, text, begun, fellows = "a rank", "", set[bytes](), list[int]()
         for line in os.fdopen(read, "rb"):
             if not line.endswith(b"\n"):
                 break  # it died while it spoke
@@ -108,6 +108,10 @@ def _wait(read: int, rank: int, launcher: int) -> None:
                 return
             if kind == _NAME:
                 name = what.decode()
+            elif kind == _FELLOWS:
+                fellows = _descriptors(map(int, what.split()))
+                if not fellows:
+                    _close_but(read)
             elif kind == _SPOKEN:
                 text = what.decode()
                 break
@@ -117,15 +121,35 @@ def _wait(read: int, rank: int, launcher: int) -> None:
                 begun.discard(what)
         for path in begun:
             _remove(path)
+        if text:  # the rank lives, and will stop them all
+            fellows = []
         text = text or f"luxel: {name}: {_cause(rank)}"
         with socket.socket(socket.AF_UNIX) as first:
             if sys.platform == "linux":
                 first.bind(f"\0luxel-{launcher}")  # a name that only one can have, and that goes with it
             os.write(2, f"{text}\n".encode())
             os.dup2(nowhere, 2)
+            for fellow in fellows:
+                with suppress(ProcessLookupError):
+                    signal.pidfd_send_signal(fellow, signal.SIGKILL)
+            _close_but(first.fileno())
             time.sleep(_SILENCE)
     finally:
         os._exit(0)
+
+
+def _descriptors(processes: Iterable[int]) -> list[int]:
+    """What names these processes even when others have got their numbers; none where the system has no such thing, and the launcher stops them."""
+    try:
+        return [os.pidfd_open(process) for process in processes]
+    except (AttributeError, OSError):
+        return []
+
+
+def _close_but(kept: int) -> None:
+    """What the rank had from the launcher, and all else above the standard three but one."""
+    os.closerange(3, kept)
+    os.closerange(kept + 1, 1024)
 
 
 def _remove(path: bytes) -> None:
