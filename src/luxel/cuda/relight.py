@@ -82,7 +82,7 @@ class ResidentTransport:
         """Light the scene.
 
         Args:
-            powers: (l, 3) float32, of the lights, times the scale of their rows.
+            powers: (l, 3) float32, of the lights.
             shining: (e, 3) float32: exitance of elements that are no lights; None if there is none.
             albedo: (n, 3) float32, of luxels.
             still: Factor for the light of what has no surface.

@@ -5,7 +5,8 @@
 
 The groups' equations are b = d + rho F b with F from group to group. With areas a, and G = a F made symmetric (reciprocity), y = sqrt(a / rho) b
 turns them into (1 - R G R) y = sqrt(a / rho) d, R = sqrt(rho / a): symmetric and positive definite while rho < 1 and the rows of G sum to at most a.
-They are where the elements begin, whose own light is what their rays meet (`gather`).
+They are where the elements begin, whose own light is what their rays meet (`gather`), and where they end: what is missing then is small, and what it
+brings elsewhere is again found by groups.
 """
 
 from __future__ import annotations
@@ -35,7 +36,8 @@ if TYPE_CHECKING:
 _ENOUGH = 1e-3  # of the norm of the right-hand side
 _MOST_STEPS = 100
 _SETTLED = 1e-3  # of the light: how much of it may be missing
-_VERSION = 2
+_LEFT = 0.5  # of what is missing: what the groups leave of it, or less (0.45 in the paper's rooms)
+_VERSION = 3
 
 
 @dataclass(eq=False)
@@ -48,7 +50,7 @@ class Transport:
         starts: (p + 1,) int64: where the elements of each group begin.
         exchange: (p, p) float32: G, symmetric, m2.
         hits: (e, r) int32: what each sees; see `luxel.radiosity.gather.Sight`.
-        rows, touched, scale: Of the l lights, as in `luxel.radiosity.solve.Rows`.
+        rows, touched: Of the l lights, as in `luxel.radiosity.solve.Rows`.
         point_luxel, point_area, point_starts: Of the points of the lights: their luxels (k,), areas (k,), and where each light's begin (l + 1,).
         still: (3, e) float32: irradiance of lights without a surface, W/m2.
         emission: (n, 3) float32: radiant exitance of each luxel at the bake, W/m2.
@@ -63,7 +65,6 @@ class Transport:
     hits: Array
     rows: Array
     touched: Array
-    scale: Array
     point_luxel: Array
     point_area: Array
     point_starts: Array
@@ -104,9 +105,10 @@ class Transport:
         """(n, 3) float32 irradiance per luxel, from `direct` (3, e), which is added to, and the luxels' exitance and albedo (n, 3)."""
         rho = np.ascontiguousarray(albedo[self.luxel].T)
         shining = self._shine(direct, emission, threads)
-        received = direct + self._exchanged(direct, rho, shining)
+        received = direct + self._exchanged(direct, rho, shining, threads)
         known = direct if shining is None else direct + gather(self.hits, shining, threads)
-        received = _conjugate_residuals(lambda e: gather(self.hits, (rho * e).T.copy(), threads), known, received, tolerance)
+        received, missing = _conjugate_residuals(lambda e: gather(self.hits, (rho * e).T.copy(), threads), known, received, tolerance / _LEFT)
+        received += missing + self._exchanged(missing, rho, None, threads)
         result = np.zeros(emission.shape, np.float32)
         front = np.flatnonzero(self.front)
         result[self.luxel[front]] = received[:, front].T
@@ -120,11 +122,11 @@ class Transport:
         return self.shining(emission)
 
     def powers(self, emission: Array) -> Array:
-        """(l, 3) float32: the lights' mean exitance, times the scale of their rows, of the luxels' (n, 3)."""
+        """(l, 3) float32: the lights' mean exitance, of the luxels' (n, 3)."""
         if len(self.point_starts) == 1:
             return np.zeros((0, 3), np.float32)
         power = np.add.reduceat(emission[self.point_luxel] * self.point_area[:, None], self.point_starts[:-1], 0)
-        return (power / np.add.reduceat(self.point_area, self.point_starts[:-1])[:, None] * self.scale[:, None]).astype(np.float32)
+        return (power / np.add.reduceat(self.point_area, self.point_starts[:-1])[:, None]).astype(np.float32)
 
     def shining(self, emission: Array) -> Array | None:
         """(e, 3): exitance of elements that were no lights at the bake, None if they all are dark; of the luxels' (n, 3)."""
@@ -132,13 +134,13 @@ class Transport:
         dark[self.point_luxel] = False
         return (emission * dark[:, None])[self.luxel] * self.front[:, None] if dark.any() else None
 
-    def _exchanged(self, direct: Array, albedo: Array, shining: Array | None) -> Array:
+    def _exchanged(self, direct: Array, albedo: Array, shining: Array | None, threads: int) -> Array:
         """(3, e) float32: what groups get from each other, the same for all elements of one; `albedo` (3, e)."""
         bounced = direct * albedo if shining is None else direct * albedo + shining.T
         rho, first = self._means(albedo), self._means(bounced)
         area = np.add.reduceat(self.area, self.starts[:-1], dtype=np.float64)
-        radiosity = _conjugate_gradients(self.exchange, area, rho, first)
-        given = (self.exchange @ radiosity.astype(np.float32)) / area[:, None]
+        radiosity = _conjugate_gradients(self.exchange, area, rho, first, threads)
+        given = _product(self.exchange, radiosity.astype(np.float32), threads) / area[:, None]
         return np.repeat(given, np.diff(self.starts), 0).T.astype(np.float32)
 
     def _means(self, values: Array) -> Array:
@@ -196,12 +198,12 @@ def transport_of(cut: Cut, lights: Rows, hits: Array, still: Array, luxels: Luxe
         return None
     return Transport(
         cut.luxel, ~cut.back, area, starts, exchange_of(whole, starts, area, labour.threads), whole, np.ascontiguousarray(rows.T),
-        np.ascontiguousarray(touched.T), lights.scale[slot], *points, still, luxels.emission, luxels.albedo,
+        np.ascontiguousarray(touched.T), *points, still, luxels.emission, luxels.albedo,
     )  # fmt: skip
 
 
-def _conjugate_residuals(passed_on: Callable[[Array], Array], known: Array, x: Array, tolerance: float) -> Array:
-    """Solve x = known + passed_on(x), each row by itself (Eisenstat, Elman, Schultz 1983, "GCR").
+def _conjugate_residuals(passed_on: Callable[[Array], Array], known: Array, x: Array, tolerance: float) -> tuple[Array, Array]:
+    """x that solves x = known + passed_on(x), each row by itself, and what is still missing (Eisenstat, Elman, Schultz 1983, "GCR").
 
     Args:
         passed_on: Linear; from (3, n) to (3, n) float32.
@@ -228,7 +230,7 @@ def _conjugate_residuals(passed_on: Callable[[Array], Array], known: Array, x: A
         x += step * way
         residual -= step * image
         ways.append((way, image))
-    return x + residual
+    return x, residual
 
 
 def _dots(a: Array, b: Array) -> Array:
@@ -236,7 +238,31 @@ def _dots(a: Array, b: Array) -> Array:
     return np.einsum("ij,ij->i", a, b)[:, None]
 
 
-def _conjugate_gradients(exchange: Array, area: Array, rho: Array, first: Array) -> Array:
+@jit.parallel_kernel
+def _multiply(queue, exchange, values, result):
+    exchange, values, result = jit.borrow(exchange), jit.borrow(values), jit.borrow(result)
+    count = np.uint64(len(exchange))
+    first = np.uint64(jit.take(queue) * BLOCK)
+    while first < count:
+        last = min(count, first + np.uint64(BLOCK))
+        for c in range(3):
+            for q in range(first, last):
+                result[c, q] = np.float32(0.0)
+            for p in range(count):
+                value = values[p, c]
+                for q in range(first, last):
+                    result[c, q] += exchange[p, q] * value
+        first = np.uint64(jit.take(queue) * BLOCK)
+
+
+def _product(exchange: Array, values: Array, threads: int) -> Array:
+    """exchange (p, p), symmetric, times values (p, 3), float32. A library's threads would go on turning for some milliseconds, in the way of ours."""
+    result = np.empty((3, len(exchange)), np.float32)
+    jit.run(_multiply, threads, exchange, values, result)
+    return result.T
+
+
+def _conjugate_gradients(exchange: Array, area: Array, rho: Array, first: Array, threads: int) -> Array:
     """(p, 3) float64: the groups' radiosity from what they send on of the light of lights, `first` (p, 3), and their albedo `rho` (p, 3)."""
     root = np.sqrt(rho / area[:, None]).astype(np.float32)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -249,7 +275,7 @@ def _conjugate_gradients(exchange: Array, area: Array, rho: Array, first: Array)
     for _ in range(_MOST_STEPS):
         if (square <= target).all():
             break
-        image = way - root * (exchange @ (root * way))
+        image = way - root * _product(exchange, root * way, threads)
         along = (way.astype(np.float64) * image).sum(0)
         step = np.divide(square, along, out=np.zeros(3), where=along > 0).astype(np.float32)
         x += step * way
