@@ -403,7 +403,8 @@ def _move_out(luxels: Luxels, sides: tuple[Array, Array], rays: Occlusion, two_s
     """Which luxels are not inside solids, (n,) bool; what is inside in part is changed to the rest of it."""
 
     def backs(some: Any) -> Array:
-        return seen_backs(rays, two_sided, luxels.position[some], luxels.face_normal[some], reach, labour.threads)
+        which = order[some]
+        return seen_backs(rays, two_sided, luxels.position[which], luxels.face_normal[which], reach, labour.threads)
 
     def free(some: Any) -> Array:
         which = hidden[some]
@@ -411,8 +412,10 @@ def _move_out(luxels: Luxels, sides: tuple[Array, Array], rays: Occlusion, two_s
         place, share = free_places(rays, two_sided, luxels.position[which], luxels.face_normal[which], u, v, reach, labour.threads)
         return np.concatenate([place.T, share[None]])
 
-    valid = (labour.each(len(luxels.area), backs) <= _MOST_BACKS) | luxels.two_sided
-    hidden = np.flatnonzero(~valid)
+    order = np.argsort(luxels.chart, kind="stable")  # neighbours together
+    valid = luxels.two_sided.copy()
+    valid[order] |= labour.each(len(order), backs) <= _MOST_BACKS
+    hidden = order[~valid[order]]
     if len(hidden):
         *place, share = labour.each(len(hidden), free)
         kept = share > 0

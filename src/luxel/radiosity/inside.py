@@ -10,36 +10,47 @@ import numpy as np
 
 from luxel import jit
 from luxel.arrays import Array
+from luxel.jit import float_bits
+from luxel.radiosity import packet
 from luxel.radiosity.directions import cosine_directions, turned
 from luxel.radiosity.element import spots_on
 from luxel.radiosity.hemicube import frames_of
-from luxel.radiosity.nearest import nearest
 from luxel.radiosity.occlusion import Occlusion
+from luxel.radiosity.packet import AT, DX, DY, DZ, FOUND, OX, OY, OZ, SLOPE, WIDTH
 
 _FIRST, _ALL = 4, 24  # rays, of which all are cast only where the first ones see any back
-_CHUNK = 512
 _FEW = 8  # rays of each spot of a luxel, where it is looked for a free place
 
 
 @jit.parallel_kernel
-def _look(queue, scene, position, frames, directions, few, any_tells, two_sided, reach, backs):
-    scene = jit.borrow(scene)
-    directions, frames = jit.borrow(directions), jit.borrow(frames)
+def _look(queue, scene, position, frames, directions, two_sided, reach, backs):
+    own_c, own_stack = np.zeros(packet.SCRATCH, np.float32), np.zeros(packet.STACK, np.int32)
+    c, stack, scene, position = jit.borrow(own_c), jit.borrow(own_stack), jit.borrow(scene), jit.borrow(position)
+    directions, frames, backs = jit.borrow(directions), jit.borrow(frames), jit.borrow(backs)
     count = len(position)
     chunk = jit.take(queue)
-    while chunk * _CHUNK < count:
-        for i in range(chunk * _CHUNK, min(count, (chunk + 1) * _CHUNK)):
-            x, y, z = np.float64(position[i, 0]), np.float64(position[i, 1]), np.float64(position[i, 2])
-            met = back = 0
-            for k in range(len(directions)):
-                if (k == few and back == 0) or (any_tells and back > 0):
-                    break
-                dx, dy, dz = turned(frames[i], directions[k])
-                hit, side, _ = nearest(scene, x, y, z, dx * reach, dy * reach, dz * reach)
-                met += 1
-                back += hit >= 0 and side > 0.0 and not two_sided[hit]
-            backs[i] = back / met
+    while chunk * WIDTH < count:
+        first = chunk * WIDTH
+        for k in range(len(directions)):
+            for r in range(np.uint64(WIDTH)):
+                i = min(first + np.int64(r), count - 1)  # the last packet is filled up with its last point's rays
+                c[OX + r], c[OY + r], c[OZ + r] = position[i, 0], position[i, 1], position[i, 2]
+                c[DX + r], c[DY + r], c[DZ + r] = turned(frames[i], directions[k])
+                c[AT + r] = reach
+            packet.meet_all(scene, c, stack)
+            for r in range(np.uint64(min(WIDTH, count - first))):
+                item = float_bits(c[FOUND + r])
+                backs[first + np.int64(r)] += item >= 0 and c[SLOPE + r] > np.float32(0.0) and not two_sided[scene.triangle[item]]
         chunk = jit.take(queue)
+    own_c[0] = own_stack[0]  # they live until here
+
+
+def _backs(scene: Occlusion, two_sided: Array, position: Array, normal: Array, directions: Array, reach: float, threads: int) -> Array:
+    """(n,) int32: how many of the directions (k, 3), in frames of n points, show the back of a one-sided triangle; neighbours among points are best
+    together. The others as in `seen_backs`."""
+    backs = np.zeros(len(position), np.int32)
+    jit.run(_look, threads, scene, position, frames_of(normal), directions.astype(np.float32), two_sided, np.float32(reach), backs)
+    return backs
 
 
 def seen_backs(scene: Occlusion, two_sided: Array, position: Array, normal: Array, reach: float, threads: int) -> Array:
@@ -55,9 +66,11 @@ def seen_backs(scene: Occlusion, two_sided: Array, position: Array, normal: Arra
         (n,) float32, 0..1.
     """
     directions = cosine_directions(_ALL, _FIRST)
-    backs = np.zeros(len(position), np.float32)
-    jit.run(_look, threads, scene, position, frames_of(normal), directions, _FIRST, False, two_sided, reach, backs)
-    return backs
+    backs = _backs(scene, two_sided, position, normal, directions[:_FIRST], reach, threads)
+    some = np.flatnonzero(backs)
+    share = (backs / _FIRST).astype(np.float32)
+    share[some] = (backs[some] + _backs(scene, two_sided, position[some], normal[some], directions[_FIRST:], reach, threads)) / _ALL
+    return share
 
 
 def free_places(scene: Occlusion, two_sided: Array, position: Array, normal: Array, u: Array, v: Array, reach: float,
@@ -73,13 +86,14 @@ def free_places(scene: Occlusion, two_sided: Array, position: Array, normal: Arr
         (n, 3) float32 positions, the free point nearest to the middle of all free ones; and (n,) float32: how much of the luxel is free, 0..1.
     """
     points = spots_on(position, u, v)
-    backs = np.zeros(points.shape[:2], np.float32)
-    rays, frames = cosine_directions(_FEW, _FEW // 2), frames_of(normal)
-    for k in range(len(points)):
-        jit.run(_look, threads, scene, points[k], frames, rays, _FEW, True, two_sided, reach, backs[k])
-    free = backs == 0
-    share = free / np.maximum(free.sum(0), 1)
-    middle = (points * share[:, :, None]).sum(0)
-    apart = np.where(free, ((points - middle) ** 2).sum(2), np.inf)
+    spots = np.ascontiguousarray(points.transpose(1, 0, 2)).reshape(-1, 3)
+    normals, free = np.repeat(normal, len(points), 0), np.arange(len(spots))
+    for directions in np.split(cosine_directions(_FEW, _FEW // 2), [1, _FEW // 2]):  # the first tells of most
+        free = free[_backs(scene, two_sided, spots[free], normals[free], directions, reach, threads) == 0]
+    is_free = np.zeros((len(position), len(points)), np.bool_)
+    is_free.flat[free] = True
+    share = is_free / np.maximum(is_free.sum(1), 1)[:, None]
+    middle = (points * share.T[:, :, None]).sum(0)
+    apart = np.where(is_free.T, ((points - middle) ** 2).sum(2), np.inf)
     best = apart.argmin(0)
-    return points[best, np.arange(len(position))], free.mean(0, dtype=np.float32)
+    return points[best, np.arange(len(position))], is_free.mean(1, dtype=np.float32)

@@ -18,6 +18,7 @@ WIDTH = RAYS
 """Rays of a packet."""
 
 _F, _I = np.float32, np.int32
+_MIDDLE = np.uint64(WIDTH // 2)
 _CRACK = _F(1e-5)  # of a triangle: by so much it reaches beyond its sides
 _DEEPEST = 192
 
@@ -30,7 +31,7 @@ STACK = _DEEPEST + 8
 
 @jit.inlined
 def _touched(box, node, c):
-    """How many rays of a packet touch the box of a node before what they have met."""
+    """Whether any ray of a packet touches the box of a node before what it has met."""
     x0, y0, z0, x1, y1, z1 = box[node, 0], box[node, 1], box[node, 2], box[node, 3], box[node, 4], box[node, 5]
     count = _I(0)
     for r in range(np.uint64(WIDTH)):
@@ -40,12 +41,12 @@ def _touched(box, node, c):
         near = max(max(min(ax, bx), min(ay, by)), max(min(az, bz), _F(0.0)))
         far = min(min(max(ax, bx), max(ay, by)), min(max(az, bz), c[AT + r]))
         count = _I(count + (_I(1) if near <= far else _I(0)))
-    return count
+    return count > _I(0)
 
 
 @jit.inlined
 def _meet(corners, item, epsilon, c):
-    """Let the rays meet a triangle: _NEW is how far along it is, 0 if it is not; returns how many do."""
+    """Let the rays meet a triangle: _NEW is how far along it is, 0 if it is not; returns whether any does."""
     x0, y0, z0 = corners[item, 0], corners[item, 1], corners[item, 2]
     ux, uy, uz = corners[item, 3] - x0, corners[item, 4] - y0, corners[item, 5] - z0
     vx, vy, vz = corners[item, 6] - x0, corners[item, 7] - y0, corners[item, 8] - z0
@@ -65,61 +66,78 @@ def _meet(corners, item, epsilon, c):
         meets = (abs(height) > epsilon) & (at > _F(0.0)) & (at < c[AT + r]) & (s >= edge) & (t >= edge) & (s + t <= whole - edge)
         c[_NEW + r] = at if meets else _F(0.0)
         count = _I(count + (_I(1) if meets else _I(0)))
-    return count
+    return count > _I(0)
+
+
+@jit.inlined
+def _keep(corners, item, c):
+    """What was met is what is nearest so far."""
+    nx, ny, nz, found = corners[item, 9], corners[item, 10], corners[item, 11], bits_float(_I(item))
+    for r in range(np.uint64(WIDTH)):
+        at, slope = c[_NEW + r], nx * c[DX + r] + ny * c[DY + r] + nz * c[DZ + r]
+        old_at, old_found, old_slope = c[AT + r], c[FOUND + r], c[SLOPE + r]
+        met = at > _F(0.0)
+        c[AT + r], c[FOUND + r], c[SLOPE + r] = at if met else old_at, found if met else old_found, slope if met else old_slope
 
 
 @jit.part
-def _keep(scene, item, c):
-    """What was met is what is nearest so far; where a mask has a hole, it is not."""
-    masked = scene.mask[item] >= 0
+def _see_through(scene, item, c):
+    """Where a mask has a hole, the triangle is not met."""
     for r in range(np.uint64(WIDTH)):
         at = c[_NEW + r]
         if at > _F(0.0):
             x, y, z = c[OX + r] + c[DX + r] * at, c[OY + r] + c[DY + r] * at, c[OZ + r] + c[DZ + r] * at
-            if masked and not mask_is_opaque(scene, item, x, y, z):
-                continue
-            corners = scene.corners
-            c[AT + r], c[FOUND + r] = at, bits_float(_I(item))
-            c[SLOPE + r] = corners[item, 9] * c[DX + r] + corners[item, 10] * c[DY + r] + corners[item, 11] * c[DZ + r]
+            if not mask_is_opaque(scene, item, x, y, z):
+                c[_NEW + r] = _F(0.0)
 
 
 @jit.inlined
 def _inverse(d):
-    return _F(1.0) / d if abs(d) > _F(1e-18) else _F(1e18)
+    inverse = _F(1.0) / d
+    return inverse if abs(d) > _F(1e-18) else _F(1e18)
 
 
 @jit.part
 def meet_all(scene, c, stack):
     """Trace a packet: rows OX .. AT of the scratch `c` (SCRATCH,) float32 are given, AT, FOUND and SLOPE are filled; `stack` (STACK,) int32."""
-    mx = my = mz = _F(0.0)
     for r in range(np.uint64(WIDTH)):
         c[FOUND + r], c[SLOPE + r] = bits_float(_I(-1)), _F(0.0)
         ix, iy, iz = _inverse(c[DX + r]), _inverse(c[DY + r]), _inverse(c[DZ + r])
         c[_IX + r], c[_IY + r], c[_IZ + r] = ix, iy, iz
         c[_SX + r], c[_SY + r], c[_SZ + r] = c[OX + r] * ix, c[OY + r] * iy, c[OZ + r] * iz
-        mx, my, mz = mx + c[DX + r], my + c[DY + r], mz + c[DZ + r]
-    box, link, epsilon = scene.box, scene.link, _F(scene.epsilon[0])
-    if len(link) == 0:
+    mx, my, mz = c[DX + _MIDDLE], c[DY + _MIDDLE], c[DZ + _MIDDLE]
+    box, link, corners, epsilon = scene.box, scene.link, scene.corners, _F(scene.epsilon[0])
+    node, depth = np.uint64(0), 0
+    if len(link) == 0 or not _touched(box, node, c):
         return
-    stack[0] = 0
-    depth = 1
-    while depth > 0:
-        depth -= 1
-        node = np.uint64(stack[depth])
-        if _touched(box, node, c) == 0:
-            continue
+    while True:  # at a node that is touched
         leaf = link[node, 1]
         if leaf:
             for item in range(np.uint64(leaf >> 3), np.uint64((leaf >> 3) + (leaf & 7))):
-                if _meet(scene.corners, item, epsilon, c) > 0:
-                    _keep(scene, item, c)
-            continue
-        one = node + np.uint64(1)
-        other = np.uint64(link[one, 0])
-        along = _F(0.0)  # which of the two children lies nearer along the packet's way
-        along += (box[other, 0] + box[other, 3] - box[one, 0] - box[one, 3]) * mx
-        along += (box[other, 1] + box[other, 4] - box[one, 1] - box[one, 4]) * my
-        along += (box[other, 2] + box[other, 5] - box[one, 2] - box[one, 5]) * mz
-        stack[depth] = other if along > _F(0.0) else one
-        stack[depth + 1] = one if along > _F(0.0) else other
-        depth += 2
+                if _meet(corners, item, epsilon, c):
+                    if scene.mask[item] >= 0:
+                        _see_through(scene, item, c)
+                    _keep(corners, item, c)
+        else:
+            one = node + np.uint64(1)
+            other = np.uint64(link[one, 0])
+            enters_one, enters_other = _touched(box, one, c), _touched(box, other, c)
+            if enters_one & enters_other:
+                along = _F(0.0)  # which of the two lies nearer along the packet's way; the other waits
+                along += (box[other, 0] + box[other, 3] - box[one, 0] - box[one, 3]) * mx
+                along += (box[other, 1] + box[other, 4] - box[one, 1] - box[one, 4]) * my
+                along += (box[other, 2] + box[other, 5] - box[one, 2] - box[one, 5]) * mz
+                stack[depth] = other if along > _F(0.0) else one
+                depth += 1
+                node = one if along > _F(0.0) else other
+                continue
+            if enters_one | enters_other:
+                node = one if enters_one else other
+                continue
+        while True:  # what waits may by now lie behind what was met
+            if depth == 0:
+                return
+            depth -= 1
+            node = np.uint64(stack[depth])
+            if _touched(box, node, c):
+                break
