@@ -37,6 +37,16 @@ def test_every_luxel_of_a_furnace_has_the_same_light(furnace):
     np.testing.assert_allclose(furnace.direct, 1.0, rtol=0.005)
 
 
+def test_a_furnace_of_one_mesh_without_normals_has_the_same_light():
+    """Normals that are made stay sharp at a cube's edges: bent ones would send light to where the surface does not."""
+    corners = np.array(list(itertools.product((0, 1), repeat=3)), np.float32)
+    sides = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    scene = Scene()
+    scene.add(Mesh(corners, np.array([t for a, b, c, d in sides for t in ((a, c, b), (a, d, c))])), matte(0.5, GLOW))
+    inward = bake(scene, density=16)
+    np.testing.assert_allclose(inward.irradiance, 2.0, rtol=0.01)
+
+
 def check_ledger(baked, escaped=1e-9):
     """It adds up at every step, and what escapes is below a share: in closed scenes, of patches whose hemicube and luxels disagree a lot."""
     for step in baked.ledger:
@@ -155,6 +165,13 @@ def test_a_checkpoint_that_cannot_be_written_does_not_lose_the_light(lamp_room, 
         kept = bake(lamp_room, density=20, quality="draft", checkpoint=tmp_path / "no folder" / "state")
     assert kept.finished
     assert kept.irradiance.tobytes() == whole.irradiance.tobytes()
+
+
+def test_a_room_turned_inside_out_is_said_to_be():
+    scene = box(matte(0.5), inward=False)
+    box(matte(0.5, 1.0), (0.4, 0.4, 0.4), (0.6, 0.6, 0.6), scene, inward=False)
+    with pytest.raises(InputError, match=r"nothing shines: all .* normals .* inverted"):
+        bake(scene, density=10, quality="draft")
 
 
 def test_a_broken_checkpoint_is_named(lamp_room, tmp_path):

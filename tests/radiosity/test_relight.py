@@ -25,6 +25,7 @@ def test_it_gives_what_the_bake_gave(baked):
 
 def test_light_is_linear(baked):
     transport = baked.transport
+    assert (transport.solve() >= 0).all()
     twice = transport.solve(transport.emission * 2, still=2.0)
     np.testing.assert_allclose(twice, 2 * transport.solve(), rtol=1e-4, atol=1e-6)
     assert not transport.solve(np.zeros_like(transport.emission), still=0.0).any()

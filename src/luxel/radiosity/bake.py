@@ -10,7 +10,7 @@ import math
 import time
 import warnings
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from itertools import chain
 from pathlib import Path
@@ -40,6 +40,7 @@ from luxel.radiosity.unwrap import Atlas, expected_luxels, unwrap
 from luxel.raster.bin import BLEND
 from luxel.raster.geometry import Geometry, flatten
 from luxel.scene.material import Material
+from luxel.scene.normals import with_normals
 from luxel.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -200,7 +201,9 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
     prepared = _prepare(atlas, settings, rays, density, labour, clock)
     problem, n = prepared.cut.problem, prepared.cut.problem.elements.numbers.shape[1]
     if problem.lights is None and not len(lamps.table) and lamps.sky is None:
-        raise InputError("bake: nothing shines: what is emissive has no surface, or its pictures are black")
+        hidden = "all that is emissive lies in solids, or the normals about it are inverted"
+        dark = "what is emissive has no surface, or its pictures are black"
+        raise InputError(f"bake: nothing shines: {hidden if prepared.luxels.emission.any() else dark}")
     keep = transport or layers
     counts = _kept_rows(problem, settings.seen > 0, rays, keep, labour)
     labour = labour.fitting(problem, prepared.view, (rays, settings.gathered), counts)
@@ -366,6 +369,7 @@ def _loaded(scene: Any) -> Scene:
 
 def _laid_out(scene: Any, sky: Any, settings: Quality, density: float | None, page: int, labour: Labour, clock: Clock) -> tuple[Lamps, Atlas]:
     scene = _loaded(scene)
+    scene = replace(scene, meshes=[mesh if mesh.normals is not None else with_normals(mesh) for mesh in scene.meshes])  # smooth, but for creases
     clock.lap("load")
     lamps = lamps_of(scene, sky)
     if density is not None:

@@ -111,7 +111,7 @@ class Transport:
         received += missing + self._exchanged(missing, rho, None, threads)
         result = np.zeros(emission.shape, np.float32)
         front = np.flatnonzero(self.front)
-        result[self.luxel[front]] = received[:, front].T
+        result[self.luxel[front]] = np.maximum(received[:, front].T, 0)
         return result
 
     def _shine(self, direct: Array, emission: Array, threads: int) -> Array | None:
