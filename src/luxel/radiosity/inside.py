@@ -20,6 +20,7 @@ from luxel.radiosity.packet import AT, DX, DY, DZ, FOUND, OX, OY, OZ, SLOPE, WID
 
 _FIRST, _ALL = 4, 24  # rays, of which all are cast only where the first ones see any back
 _FEW = 8  # rays of each spot of a luxel, where it is looked for a free place
+_AT_ONCE = 1 << 14  # luxels, where it is
 
 
 @jit.parallel_kernel
@@ -85,15 +86,24 @@ def free_places(scene: Occlusion, two_sided: Array, position: Array, normal: Arr
     Returns:
         (n, 3) float32 positions, the free point nearest to the middle of all free ones; and (n,) float32: how much of the luxel is free, 0..1.
     """
-    points = spots_on(position, u, v)
-    spots = np.ascontiguousarray(points.transpose(1, 0, 2)).reshape(-1, 3)
+    places, shares = np.empty_like(position), np.empty(len(position), np.float32)
+    for first in range(0, len(position), _AT_ONCE):
+        some = slice(first, first + _AT_ONCE)
+        points = spots_on(position[some], u[some], v[some])
+        is_free = _free(scene, two_sided, points, normal[some], reach, threads)
+        share = is_free / np.maximum(is_free.sum(0), 1)
+        middle = (points * share[:, :, None]).sum(0)
+        best = np.where(is_free, ((points - middle) ** 2).sum(2), np.inf).argmin(0)
+        places[some], shares[some] = points[best, np.arange(len(best))], is_free.mean(0, dtype=np.float32)
+    return places, shares
+
+
+def _free(scene: Occlusion, two_sided: Array, points: Array, normal: Array, reach: float, threads: int) -> Array:
+    """(spots, n) bool: which spots (spots, n, 3) of n luxels see no backs."""
+    spots = np.ascontiguousarray(points.transpose(1, 0, 2)).reshape(-1, 3)  # those of a luxel together
     normals, free = np.repeat(normal, len(points), 0), np.arange(len(spots))
     for directions in np.split(cosine_directions(_FEW, _FEW // 2), [1, _FEW // 2]):  # the first tells of most
         free = free[_backs(scene, two_sided, spots[free], normals[free], directions, reach, threads) == 0]
-    is_free = np.zeros((len(position), len(points)), np.bool_)
-    is_free.flat[free] = True
-    share = is_free / np.maximum(is_free.sum(1), 1)[:, None]
-    middle = (points * share.T[:, :, None]).sum(0)
-    apart = np.where(is_free.T, ((points - middle) ** 2).sum(2), np.inf)
-    best = apart.argmin(0)
-    return points[best, np.arange(len(position))], is_free.mean(1, dtype=np.float32)
+    result = np.zeros((len(normal), len(points)), np.bool_)
+    result.flat[free] = True
+    return result.T
