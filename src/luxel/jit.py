@@ -62,6 +62,11 @@ _IMPORT = re.compile(r"^\s*(?:from\s+(luxel[\w.]*)\s+import\s+([\w, ]+|\([^)]*\)
 
 @cache
 def _source(module: str) -> Path | None:
+    """Its file; luxel's own are found without importing what they lie in, which may be half imported now."""
+    top, *parts = module.split(".")
+    if top == "luxel":
+        place = Path(__file__).parent.joinpath(*parts)
+        return next((path for path in (Path(f"{place}.py"), place / "__init__.py") if path.is_file()), None)
     try:
         spec = importlib.util.find_spec(module)
     except (ModuleNotFoundError, ValueError):  # ValueError: __main__
