@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,6 +14,7 @@ import pytest
 
 import luxel
 from luxel.cli import main
+from luxel.cli.bake import _shares, _Watch
 from luxel.io.images import read_image, write_exr, write_png
 from luxel.scene import Light
 from luxel.scene.builtin import cornell_box
@@ -164,13 +166,21 @@ def test_wrong_words_are_told_before_the_file_is_read(capsys, tmp_path, monkeypa
 
 def test_a_scene_without_light(capsys, tmp_path):
     luxel.save(luxel.scene.builtin.plane(), tmp_path / "plane.ply")
-    assert "nothing shines" in error_of(capsys, tmp_path / "plane.ply", "-o", tmp_path / "lit.glb", "--density", "4")
+    said = error_of(capsys, tmp_path / "plane.ply", "-o", tmp_path / "lit.glb", "--density", "4")
+    assert "nothing shines" in said
+    assert "--sky 1" in said
     assert [p.name for p in tmp_path.iterdir()] == ["plane.ply"]
 
 
 def test_a_dry_run_looks_at_the_light_too(capsys, tmp_path):
     luxel.save(luxel.scene.builtin.plane(), tmp_path / "plane.ply")
-    assert "nothing shines" in error_of(capsys, tmp_path / "plane.ply", "--dry-run")
+    assert main(["bake", str(tmp_path / "plane.ply"), "--dry-run", "--json"]) == 2
+    out, err = capsys.readouterr()
+    said = json.loads(out)
+    assert said["serves"]
+    assert "nothing shines" in said["refused"]
+    assert "a bake would be refused: bake: nothing shines" in err
+    assert "--sky 1" in err
     assert "--sky" in error_of(capsys, tmp_path / "plane.ply", "--dry-run", "--sky", "blue")
 
 
@@ -178,7 +188,73 @@ def test_a_disk_without_room_is_found_when_the_bake_begins(capsys, box, tmp_path
     monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=1_100_000))
     said = error_of(capsys, box, "--quiet", "-o", tmp_path / "lit.glb", "--density", "120", "--page", "256", "--quality", "draft")
     assert "MB will be needed, and the disk has 1 MB left" in said
-    assert not (tmp_path / "lit.glb").exists()
+    assert sorted(os.listdir(tmp_path)) == ["box.glb"]  # no state of a bake that has not begun
+
+
+def test_a_little_bake_needs_a_little_room(capsys, box, tmp_path, monkeypatch):
+    monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=500_000))
+    assert bake(capsys, box, "-o", tmp_path / "lit.glb", *QUICK)["finished"]
+    assert sum(file.stat().st_size for file in tmp_path.iterdir()) < 500_000
+
+
+def test_layers_and_occlusion_need_room_of_their_own(capsys, tmp_path, monkeypatch):
+    """What is said to be needed grows by what each writes."""
+    pytest.importorskip("OpenEXR")
+    scene = cornell_box()
+    scene.lights, scene.ambient = [Light("point", name=f"lamp {k}") for k in range(20)], None
+    luxel.save(scene, tmp_path / "box.glb")
+    asked = []
+    monkeypatch.setattr("luxel.radiosity.output.check_writable", lambda path, size=0: asked.append(size))
+    for words in ((), ("--ao", "0.1"), ("--exr",), ("--layers",)):
+        said = bake(capsys, tmp_path / "box.glb", "-o", tmp_path / "lit.glb", *QUICK, *words)
+        texels = said["pages"] * said["page"][0] * said["page"][1]
+        room = asked[-1]
+        if not words:
+            plain = room
+        more = {"--ao": 1, "--exr": 10, "--layers": 10 * (1 + 1 + 20)}  # the whole, the box's lamp, and twenty
+        assert room == plain + texels * sum(more[word] for word in words[:1])
+
+
+def test_a_bake_that_does_not_fit_is_refused_by_a_dry_run_too(capsys, box, monkeypatch):
+    monkeypatch.setattr("luxel.radiosity.diagnosis.free_bytes", lambda: 1 << 30)
+    whole = error_of(capsys, box, "--density", "100000", "--quiet")
+    assert "would take about" in whole
+    assert error_of(capsys, box, "--density", "100000", "--dry-run") == whole
+    monkeypatch.setattr("luxel.radiosity.diagnosis.free_bytes", lambda: 100 << 20)
+    assert main(["bake", str(box), "--dry-run"]) == 2
+    out, err = capsys.readouterr()
+    assert "luxels " in out
+    assert "a bake would be refused: bake: " in err
+
+
+def test_a_page_too_small_for_the_density_is_told(capsys, box, tmp_path):
+    assert main(["bake", str(box), "-o", str(tmp_path / "lit.glb"), "--quality", "draft", "--density", "50", "--page", "16"]) == 0
+    err = capsys.readouterr().err
+    assert "do not fit on pages of 16 texels" in err
+    assert "where 50 were asked for" in err
+
+
+def test_no_shots_are_told_of_where_nothing_shoots(capsys, tmp_path):
+    luxel.save(luxel.scene.builtin.plane(), tmp_path / "plane.ply")
+    assert main(["bake", str(tmp_path / "plane.ply"), "-o", str(tmp_path / "lit.glb"), "--quality", "draft", "--density", "4", "--sky", "1"]) == 0
+    assert "(16 luxels on a page of 4x4, 0.00% unshot; " in capsys.readouterr().out
+
+
+def test_white_of_a_number_is_the_number(capsys, box, tmp_path):
+    assert bake(capsys, box, "-o", tmp_path / "lit.glb", *QUICK, "--white", "1.0")["finished"]
+    assert "--white: only of --convention unlit" in error_of(capsys, box, "-o", tmp_path / "lit.glb", "--white", "2")
+
+
+@pytest.mark.parametrize("quality", ["draft", "final", "progressive"])
+def test_the_bar_is_not_full_before_the_end(box, quality):
+    """It never goes back, and the last bounce, when all light is shot, has a part of it."""
+    done, unshot = [], []
+    watch = _Watch(lambda bar, label: done.append(bar), None, 1e-3, _shares({"quality": quality, "sky": None}), lambda _: None)
+    luxel.bake(box, quality=quality, density=25, progress=lambda left, state: (unshot.append(left), watch(left, state)))
+    assert all(0 <= a <= b + 1e-12 <= 1 + 1e-9 for a, b in pairwise(done))
+    assert done[-1] == pytest.approx(1.0)
+    shot = done[next(k for k, left in enumerate(unshot) if left <= 1e-3)]
+    assert shot < 0.5 if quality == "final" else shot > 0.9
 
 
 def test_lamps_can_be_left_out(capsys, tmp_path):

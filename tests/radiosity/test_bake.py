@@ -229,6 +229,12 @@ def test_wrong_values_are_named(given, said):
         bake(box(matte(0.5, 1.0)), density=4, **given)
 
 
+@pytest.mark.parametrize("sky", ["blue", [1, "2", 3], [[1, 2], [3]], [1, 2], np.zeros((0, 4, 3)), None.__class__])
+def test_what_is_no_sky_is_named(sky):
+    with pytest.raises(InputError, match=r"sky: expected a number of W/\(m2 sr\), \(3,\), or a picture \(h, w, 3\), got "):
+        bake(box(matte(0.5, 1.0)), density=4, sky=sky)
+
+
 def test_inverted_normals_are_said():
     with pytest.warns(LuxelWarning, match="100% of the light .* normals inverted"):
         bake(box(matte(0.5, 1.0), inward=False), density=4)

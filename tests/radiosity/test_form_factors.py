@@ -260,7 +260,7 @@ def test_what_comes_in():
     with pytest.raises(InputError, match="surface 1: expected finite"):
         form_factors([square, broken])
     flat = Mesh(square.positions, [[0, 0, 1]])
-    with pytest.warns(LuxelWarning, match="1 surfaces have no area"):
+    with pytest.warns(LuxelWarning, match="surface . has no area: its form factors are 0"):
         factors = form_factors([square, flat, rectangle(1, 1, 1)])
     assert factors.row_sums[1] == 0
     assert factors[0, 2] == pytest.approx(0.1998, rel=1e-3)

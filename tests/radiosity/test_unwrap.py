@@ -7,7 +7,7 @@ from laid import laid_out, rectangle
 import luxel
 from luxel import InputError, Instance, LuxelWarning, Material, Mesh, Scene, Texture, TextureRef
 from luxel.radiosity import packing, pieces
-from luxel.radiosity.diagnosis import diagnose, estimate
+from luxel.radiosity.diagnosis import diagnose, estimate, work_of
 from luxel.radiosity.luxels import find_luxels, surface_areas
 from luxel.radiosity.unwrap import unwrap
 from luxel.raster.geometry import flatten
@@ -124,7 +124,8 @@ def test_the_same_bytes_again():
 
 def test_a_chart_too_large_for_a_page_is_made_to_fit():
     scene = Scene.from_mesh(quad(100, 40))
-    atlas = unwrap(scene, 10.0, 256)
+    with pytest.warns(LuxelWarning, match=r"1 chart does not fit on a page of 256 texels: down to 2\.5. texels per metre where 10 were asked for"):
+        atlas = unwrap(scene, 10.0, 256)
     check_sound(atlas)
     stretch, _ = densities(atlas)
     assert atlas.pages == 1
@@ -275,9 +276,29 @@ def test_a_diagnosis_reads_well():
     beyond = diagnose(laid_out([rectangle(-4, 0, 10, 10)], (16, 16)))
     assert beyond.outside == 2
     assert "fault        2 triangles reach beyond 0..1" in beyond.text()
+    scene = SCENES["cornell-box"]()
+    one_sided = diagnose(unwrap(scene, 64.0))
+    for material in scene.materials:
+        material.double_sided = True
+    assert diagnose(unwrap(scene, 64.0)).sides == 2 * one_sided.sides == 2 * one_sided.luxels
     small, large = estimate(10_000, 100), estimate(1_000_000, 100)
     assert small[0] < large[0] < 2 << 30
     assert small[1] < large[1]
+
+
+@pytest.mark.parametrize(("luxels", "triangles", "seconds"), [
+    (28_288, 46, (0.32, 0.45, 1.33, 0.96, 1.54, 2.4)),  # Cornell box, 120 luxels a metre
+    (309_168, 46, (2.1, 3.6, 11.7, 8.5, 14.0, 22.8)),  # and 400
+    (14_445, 3_204, (0.26, 0.37, 1.31, 0.29, 0.47, 1.42)),  # room-simple
+    (29_503, 82_692, (1.9, 3.3, 9.3, 2.2, 4.4, 10.0)),  # the demo's room
+])  # fmt: skip
+def test_the_time_of_a_bake_is_told_within_a_factor_of_two(luxels, triangles, seconds):
+    """As measured on two cores: processor time by two, and the layout's; draft, normal and final, dark and under a sky."""
+    kinds = [(64, 0, False, False), (128, 0, True, False), (128, 1024, False, False),
+             (128, 0, False, True), (256, 0, True, True), (256, 1024, False, True)]  # fmt: skip
+    for kind, took in zip(kinds, seconds, strict=True):
+        said = estimate(luxels, triangles, kind[0], work_of(*kind))[1]
+        assert took / 2 < said < took * 2, kind
 
 
 def test_real_scenes(meshes):

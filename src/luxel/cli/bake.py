@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -29,8 +30,10 @@ PICTURES = (".png", ".jpg", ".jpeg")
 _QUALITIES, _CONVENTIONS = ("draft", "normal", "final", "progressive", "reference"), ("moz", "unlit", "emissive", "sidecar")
 _PREVIEW_SIZE = (960, 540)
 _REDRAW = 12  # a preview may take a part of the time like this
-_ROOM = 16  # bytes a texel of a page, in the files
+_ROOM = {"moz": 3, "unlit": 1, "emissive": 1, "sidecar": 0}  # bytes a texel of a page, in the scene's file, about: pictures are compressed
+_EXR_ROOM, _SHADE_ROOM = 10, 1  # in an OpenEXR file, for each layer; and of ambient occlusion
 _WHITE = "1"
+_PASSING = 0.1  # of the time: light goes from luxel to luxel
 
 
 def _option(heading: str | None, *names: str, metavar: str | None = None, help: str) -> Any:
@@ -40,7 +43,7 @@ def _option(heading: str | None, *names: str, metavar: str | None = None, help: 
 _kinds = "A .glb, .gltf, .obj, .ply, .stl or .off."
 File = Annotated[Path, typer.Argument(metavar="SCENE", help=_kinds, show_default=False)]
 Output = Annotated[Path | None, _option(None, "-o", "--output", metavar="OUT", help="The lit scene: .glb or .gltf [SCENE's name, _lit.glb, here].")]
-DryRun = Annotated[bool, _option(None, "--dry-run", help="Only lay the lightmap out, and tell what the bake would take.")]
+DryRun = Annotated[bool, _option(None, "--dry-run", help="Only lay the lightmap out, and tell what the bake would take, its time roughly.")]
 Threads = Annotated[str | None, _option(None, "--threads", metavar="N", help="Of the processor [all]. The light does not depend on it.")]
 _devices = "What bakes: cpu, cuda, or auto (a GPU if it can) [cpu]."
 Device = Annotated[str | None, _option(None, "--device", metavar="NAME", help=_devices)]
@@ -133,20 +136,33 @@ def bake(
             only_indirect,
             None if ao is None else values.number(ao, "--ao", "metres above 0", lambda x: x > 0),
         )
-        if write.convention != "unlit" and white != _WHITE:
+        if write.convention != "unlit" and write.white != float(_WHITE):
             raise InputError(f"--white: only of --convention unlit, got {white!r} with {write.convention}")
         console = Console(quiet or comm.rank > 0, as_json and comm.rank == 0)
         share_work(comm, file=file, sky=sky, write=write, **options)
         options["sky"] = None if sky is None or comm.rank else _sky(sky)
         if dry_run:
             if comm.rank == 0:
-                _tell(console, file, options)
+                with _advice():
+                    _tell(console, comm, file, options)
             return
         if layers:
             options["layers"] = True
         if comm.rank == 0:
             _check_targets(write, preview, options)
-        _bake(console, comm, file, write, preview, options)
+        with _advice():
+            _bake(console, comm, file, write, preview, options)
+
+
+@contextmanager
+def _advice() -> Iterator[None]:
+    """Names the option that lights what is dark."""
+    try:
+        yield
+    except InputError as error:
+        if "nothing shines" not in str(error):
+            raise
+        raise InputError(f"{error}; --sky 1 lights it from all around") from error
 
 
 @dataclass(frozen=True)
@@ -170,20 +186,30 @@ def _check_targets(write: _Write, preview: Path | None, options: dict[str, Any])
     values.output(write.output, SCENES)
     if write.exr or write.layers or write.convention == "sidecar":
         values.output(write.output.with_suffix(".exr"), (".exr",))
-    check_writable(write.output, _ROOM * options["page"] ** 2)
+    check_writable(write.output)
     check_writable(options["checkpoint"])
     if preview is not None:
         check_writable(values.output(preview, PICTURES, "--preview"))
 
 
-def _check_room(write: _Write, checkpoint: Path, begun: Progress) -> None:
-    """That the disk has room, once it is known for how much."""
+def _check_room(write: _Write, options: dict[str, Any], begun: Progress) -> None:
+    """That the disk has room, once it is known for how much; the state is still there when the result is written."""
     from luxel.radiosity.output import check_writable
 
     texels, state = begun.sizes
-    pages = 1 + (write.exr or write.convention == "sidecar") + write.layers
-    check_writable(checkpoint, 2 * state)  # the one before stays until the next is whole
-    check_writable(write.output, _ROOM * texels * pages + 2 * state)
+    scene = begun.prepared.atlas.scene
+    lamps = _lamps(scene) + (options["sky"] is not None)
+    exrs = (write.exr or write.convention == "sidecar") + (1 + lamps) * write.layers  # layers are beside their sum
+    own = _ROOM[write.convention] + _SHADE_ROOM * (write.occlusion is not None)
+    meshes = sum(array.nbytes for mesh in scene.meshes for array in vars(mesh).values() if hasattr(array, "nbytes"))
+    check_writable(options["checkpoint"], state)
+    check_writable(write.output, texels * (own + _EXR_ROOM * exrs) + meshes + state)
+
+
+def _lamps(scene: Scene) -> int:
+    """Of how many lights there is a layer: objects that glow, and lights of the scene."""
+    glows = [max(material.emissive) > 0 for material in scene.materials] + [False]
+    return len({instance.object for instance in scene.instances if glows[scene.meshes[instance.mesh].material]}) + len(scene.lights)
 
 
 def _sky(text: str) -> Any:
@@ -213,22 +239,39 @@ def _sky(text: str) -> Any:
     return np.maximum(light, 0)
 
 
-def _tell(console: Console, file: Path, options: dict[str, Any]) -> None:
-    """What the lightmap would be, and what the bake would take."""
+def _tell(console: Console, comm: Comm, file: Path, options: dict[str, Any]) -> None:
+    """What the lightmap would be, and what the bake would take; refuses what the bake would refuse, but tells first if it can."""
+    import numpy as np
+
     from luxel import load
     from luxel.radiosity.bake import rays_of
-    from luxel.radiosity.diagnosis import diagnose
+    from luxel.radiosity.diagnosis import check_memory, diagnose, work_of
     from luxel.radiosity.elements import QUALITIES
     from luxel.radiosity.lamps import lamps_of
-    from luxel.radiosity.unwrap import unwrap
+    from luxel.radiosity.unwrap import expected_luxels, unwrap
 
-    scene = load(file)
-    lamps = lamps_of(scene, options["sky"])
-    with console.work("laying out"):
-        atlas = unwrap(scene, options["density"], options["page"], threads=options["threads"])
-        found = diagnose(atlas, options["threads"], rays_of(QUALITIES[options["quality"]], lamps.sky is not None))
+    scene, settings, density, threads = load(file), QUALITIES[options["quality"]], options["density"], options["threads"]
+    sky = options["sky"] is not None and bool(np.any(options["sky"]))
+    rays = rays_of(settings, sky)
+    fits = partial(check_memory, rays=rays // comm.size, density=density, here=comm.here)
+    if density is not None:
+        fits(expected_luxels(scene, density), 0)
+    with console.work("laying out") as report:
+        atlas = unwrap(scene, density, options["page"], threads=threads, progress=report)
+        found = diagnose(atlas, threads, rays, work_of(rays, settings.gathered, settings.unlike < math.inf, sky))
+    refused = _refusal(partial(lamps_of, scene, options["sky"])) or _refusal(partial(fits, found.sides, found.triangles))
     data = {**found._asdict(), "density": found.density._asdict(), "faults": found.faults(), "serves": found.serves}
-    console.result({"file": str(file), **data}, found.text())
+    console.result({"file": str(file), **data, "refused": None if refused is None else str(refused)}, found.text())
+    if refused:
+        raise InputError(f"a bake would be refused: {refused}") from refused
+
+
+def _refusal(check: Callable[[], object]) -> InputError | None:
+    try:
+        check()
+    except InputError as error:
+        return error
+    return None
 
 
 def _bake(console: Console, comm: Comm, file: Path, write: _Write, preview: Path | None, options: dict[str, Any]) -> None:
@@ -241,7 +284,7 @@ def _bake(console: Console, comm: Comm, file: Path, write: _Write, preview: Path
         console.note(f"nothing to resume: there is no {state}; the bake starts anew")
     try:
         with console.work("laying out the lightmap") as report:
-            watch = _Watch(report, preview, options["tolerance"] or 1e-3, partial(_check_room, write, state))
+            watch = _Watch(report, preview, options["tolerance"] or 1e-3, _shares(options), partial(_check_room, write, options))
             compile_first(comm, lambda: _bake_little(options) if file.exists() else None)
             baked = bake(file, progress=watch, comm=comm, **options)
             shade = _shade(baked, write, comm, options["threads"])
@@ -258,6 +301,10 @@ def _bake(console: Console, comm: Comm, file: Path, write: _Write, preview: Path
         goes_on = f"what is done is kept in {state}; the same command with --resume goes on"
         console.note(goes_on if state.exists() else "there was no light yet, so nothing is kept")
         raise
+    except FileError:
+        if watch.refused and not options["resume"]:
+            state.unlink(missing_ok=True)  # of a bake that was refused when it was to begin
+        raise
     if baked.finished:
         state.unlink(missing_ok=True)
     _say(console, baked, written, state, time.perf_counter() - start, ranks)
@@ -271,24 +318,50 @@ def _bake_little(options: dict[str, Any]) -> None:
 
 
 class _Watch:
-    """Shows how the unshot light falls, and draws previews as often as they cost little."""
+    """Shows how the unshot light falls, and draws previews as often as they cost little.
 
-    def __init__(self, report: Callable[..., None], preview: Path | None, tolerance: float, begun: Callable[[Progress], None]) -> None:
-        self.report, self.preview, self.tolerance = report, preview, tolerance
+    Args:
+        shares: Of the time, what looking around takes, the light, and the last bounce.
+        begun: Called once, and may refuse; `refused` tells that it did.
+    """
+
+    def __init__(self, report: Callable[..., None], preview: Path | None, tolerance: float, shares: tuple[float, float, float],
+                 begun: Callable[[Progress], None]) -> None:  # fmt: skip
+        self.report, self.preview, self.tolerance, self.shares = report, preview, tolerance, shares
         self.begun: Callable[[Progress], None] | None = begun
+        self.refused = False
         self.next = 0.0
+        self.done = [0.0, 0.0, 0.0]
 
     def __call__(self, unshot: float, state: Progress) -> None:
         if self.begun:
-            self.begun(state)
-            self.begun = None
-        done = math.log(max(unshot, self.tolerance)) / math.log(self.tolerance) if unshot < 1 else 0.0
-        looking = f"; {state.looked:.0%} of the luxels have looked around" if 0 < state.looked < 1 else ""
-        self.report(min(done, 1.0), f"{unshot:7.2%} of the light unshot{looking}")
+            begun, self.begun, self.refused = self.begun, None, True
+            begun(state)
+            self.refused = False
+        light = 1.0 if unshot <= self.tolerance else math.log(min(unshot, 1.0)) / math.log(self.tolerance)
+        looks = 2 if light == 1.0 else 0
+        self.done[1], self.done[looks] = light, max(self.done[looks], state.looked)
+        looking = f"; {'the last bounce: ' if looks else ''}{state.looked:.0%} of the luxels have looked around" if 0 < state.looked < 1 else ""
+        bar = sum(share * done for share, done in zip(self.shares, self.done, strict=True))
+        self.report(bar, f"{unshot:7.2%} of the light unshot{looking}")
         if self.preview is not None and time.monotonic() >= self.next:
             start = time.monotonic()
             _draw(state.preview(), self.preview)
             self.next = time.monotonic() + max(1.0, _REDRAW * (time.monotonic() - start))
+
+
+def _shares(options: dict[str, Any]) -> tuple[float, float, float]:
+    """Of the time of a bake, what looking around takes, about, the light that then goes from luxel to luxel, and the last bounce."""
+    from luxel.radiosity.bake import rays_of
+    from luxel.radiosity.diagnosis import work_of
+    from luxel.radiosity.elements import QUALITIES
+
+    settings, sky = QUALITIES[options["quality"]], options["sky"] is not None
+    if not settings.seen:
+        return 0.0, 1.0, 0.0
+    rays = rays_of(settings, sky)
+    first = work_of(rays, 0, False, sky) / work_of(rays, settings.gathered, settings.unlike < math.inf, sky)
+    return (1 - _PASSING) * first, _PASSING, (1 - _PASSING) * (1 - first)
 
 
 def _draw(scene: Scene, path: Path) -> None:
@@ -358,4 +431,5 @@ def _say(console: Console, baked: Baked, written: list[Path], state: Path, took:
         console.note(f"stopped with {unshot:.2%} of the light unshot; the state is kept in {state}, and --resume goes on")
     on = f"a page of {width}x{height}" if pages == 1 else f"{pages} pages of {width}x{height}"
     by = f"{len(ranks)} ranks, " if len(ranks) > 1 else ""
-    console.result(data, f"{written[0]}  ({luxels:,} luxels on {on}, {shots:,} shots, {unshot:.2%} unshot; {by}{seconds(took)})")
+    by_shots = f"{shots:,} shot{'s' if shots > 1 else ''}, " if shots else ""
+    console.result(data, f"{written[0]}  ({luxels:,} luxels on {on}, {by_shots}{unshot:.2%} unshot; {by}{seconds(took)})")

@@ -374,7 +374,7 @@ def _laid_out(scene: Any, sky: Any, settings: Quality, density: float | None, pa
     lamps = lamps_of(scene, sky)
     if density is not None:
         check_memory(expected_luxels(scene, density), 0, rays_of(settings, lamps.sky is not None) // labour.team.size, density, labour.team.here)
-    atlas = unwrap(scene, density, page)
+    atlas = unwrap(scene, density, page, threads=labour.threads)
     clock.lap("unwrap")
     return lamps, atlas
 

@@ -16,6 +16,7 @@ from luxel.radiosity.pieces import areas
 from luxel.radiosity.texture_space import Texels, area2, place_vertices
 from luxel.raster.constants import SUBPIXEL
 from luxel.raster.geometry import Geometry, flatten
+from luxel.scene.material import Material
 
 if TYPE_CHECKING:
     from luxel.radiosity.unwrap import Atlas
@@ -28,7 +29,11 @@ MOST_GUTTER = 4
 _SLACK = 1e-4  # beyond 0..1 by rounding
 _BYTES_A_LUXEL, _BYTES_A_RAY, _BYTES_A_TRIANGLE, _BYTES_AT_LEAST = 1020, 4, 400, 150 << 20
 _RAYS = 128  # of a luxel in a bake of normal quality without a sky
-_SECONDS_A_LUXEL, _SECONDS_A_TRIANGLE, _SECONDS_AT_LEAST = 2.5e-5, 2e-5, 0.5
+_SECONDS_A_TRIANGLE, _SECONDS_AT_LEAST = 1e-5, 0.1  # to lay them out
+_SECONDS_A_RAY = 1.1e-8  # for each doubling of the triangles, as all that follow
+_OWN, _CLOSER, _SKY, _GATHERED = 30, 36, 64, 0.45  # as many rays take what each luxel, looking closer, and the sky's edges take; and a ray not kept
+_SCATTER = 0.4  # a triangle keeps neighbours from looking at the same, as so many luxels more
+_WORK = float(_OWN + _RAYS + _CLOSER)  # of a bake of normal quality without a sky
 
 
 class Density(NamedTuple):
@@ -46,6 +51,7 @@ class Diagnosis(NamedTuple):
         triangles, charts, pages, size: Of the atlas.
         reused: The file's own TEXCOORD_1 serve.
         luxels: How many there will be (holes of alpha masks included).
+        sides: The same, those of two-sided surfaces counted twice.
         used: Share of the pages' texels that are luxels.
         density: Texels per metre.
         overlap: Share of what is covered that is covered twice or more often.
@@ -64,6 +70,7 @@ class Diagnosis(NamedTuple):
     size: tuple[int, int]
     reused: bool
     luxels: int
+    sides: int
     used: float
     density: Density
     overlap: float
@@ -112,18 +119,20 @@ class Diagnosis(NamedTuple):
             f"overlap      {self.overlap:.2%}, {self.contested:,} texels with two charts",
             f"small charts {self.small:,} smaller than a texel, {self.small_share:.2%} of the surface",
             f"memory       about {self.bytes / 2**20:,.0f} MiB{'' if self.free is None else f' ({self.free / 2**20:,.0f} MiB are free)'}",
-            f"time         about {_spell(self.seconds)}",
+            f"time         roughly {_spell(self.seconds)} on two cores",
         ]
         return "\n".join(lines + [f"fault        {fault}" for fault in self.faults()])
 
 
-def diagnose(atlas: Atlas, threads: int | None = None, rays: int = _RAYS) -> Diagnosis:
-    """Look at the lightmap coordinates of a scene, and tell what a bake takes whose luxels keep what so many rays meet."""
+def diagnose(atlas: Atlas, threads: int | None = None, rays: int = _RAYS, work: float = _WORK) -> Diagnosis:
+    """Look at the lightmap coordinates of a scene, and tell what a bake takes whose luxels keep what so many rays meet, and do so much `work_of`."""
     threads = jit.checked_threads(threads)
     geometry = flatten(atlas.scene, "none")
     screen, surface = place_vertices(geometry.texcoords1, atlas.size, threads), areas(geometry.positions, geometry.triangles)
     page = triangle_pages(atlas, geometry)
-    covered = twice = luxels = contested = 0
+    two_sided = np.array([m.double_sided for m in [*atlas.scene.materials, Material()]])
+    two_sided = np.repeat(two_sided[geometry.part_material], np.diff(geometry.part_start))
+    covered = twice = luxels = sides = contested = 0
     gutter = MOST_GUTTER
     for number in range(atlas.pages):
         chosen = np.flatnonzero((page == number) & (surface > 0) & (atlas.chart >= 0)).astype(np.int32)
@@ -132,22 +141,32 @@ def diagnose(atlas: Atlas, threads: int | None = None, rays: int = _RAYS) -> Dia
         covered, twice = covered + counted[0], twice + counted[1]
         texels = draw_page(faces, screen, chart, surface[chosen], atlas.size, threads)
         luxels, contested = luxels + len(texels.place), contested + int(np.count_nonzero(texels.loser >= 0))
+        sides += len(texels.place) + int(np.count_nonzero(two_sided[chosen[texels.triangle]]))
         gutter = min(gutter, least_gutter(texels, chart, atlas.size))
     small, share = _small(atlas, screen, geometry, surface)
     beyond = np.abs(geometry.texcoords1 - np.float32(0.5)).max(1, initial=0) > 0.5 + _SLACK
     outside = int(np.count_nonzero(beyond[geometry.triangles].any(1) & (surface > 0)))
     charts, triangles = int(atlas.chart.max(initial=-1)) + 1, len(geometry.triangles)
-    memory, seconds = estimate(luxels, triangles, rays)
+    memory, seconds = estimate(sides, triangles, rays, work)
     return Diagnosis(
-        triangles, charts, atlas.pages, atlas.size, atlas.reused, luxels, luxels / (atlas.pages * atlas.size[0] * atlas.size[1]),
+        triangles, charts, atlas.pages, atlas.size, atlas.reused, luxels, sides, luxels / (atlas.pages * atlas.size[0] * atlas.size[1]),
         density_of(atlas, geometry, surface), twice / max(covered, 1), outside, small, share, contested, gutter, memory, seconds, free_bytes(),
     )  # fmt: skip
 
 
-def estimate(luxels: int, triangles: int, rays: int = _RAYS) -> tuple[int, float]:
-    """Bytes, and seconds on two cores, that a bake will take, roughly, if each luxel keeps what so many rays meet: both grow linearly."""
+def work_of(rays: int, gathered: int, closer: bool, sky: bool) -> float:
+    """What a luxel does in a bake, in rays by which it looks around: `rays`, those `gathered` once more, those closer, and those at a sky's edges."""
+    return _OWN + rays + _GATHERED * gathered + _CLOSER * closer + _SKY * sky
+
+
+def estimate(luxels: int, triangles: int, rays: int = _RAYS, work: float = _WORK) -> tuple[int, float]:
+    """Bytes, and seconds on two cores, that a bake will take if each luxel keeps what so many rays meet, and does so much `work_of`.
+
+    The time is rough, within a factor of two in rooms: what a ray costs depends on what it meets. Qualities that see by hemicubes take longer.
+    """
     memory = _BYTES_AT_LEAST + luxels * (_BYTES_A_LUXEL + _BYTES_A_RAY * rays) + triangles * _BYTES_A_TRIANGLE
-    return int(memory), _SECONDS_AT_LEAST + luxels * _SECONDS_A_LUXEL + triangles * _SECONDS_A_TRIANGLE
+    looks = (luxels + _SCATTER * triangles) * np.log2(triangles + 2.0)
+    return int(memory), float(_SECONDS_AT_LEAST + triangles * _SECONDS_A_TRIANGLE + looks * work * _SECONDS_A_RAY)
 
 
 def check_memory(luxels: float, triangles: int, rays: int, density: float | None = None, here: int = 1) -> None:

@@ -85,7 +85,8 @@ def form_factors(
     areas = np.bincount(world.polygons.surface, world.polygons.area, n)
     if n and not areas.all():
         empty = np.flatnonzero(areas == 0)
-        warnings.warn(f"{len(empty)} surfaces have no area (the first is {empty[0]}): their form factors are 0", LuxelWarning, stacklevel=2)
+        which = f"surface {empty[0]} has no area: its" if len(empty) == 1 else f"{len(empty)} surfaces have no area (the first is {empty[0]}): their"
+        warnings.warn(f"{which} form factors are 0", LuxelWarning, stacklevel=2)
     fill = _filler(device, world, starts, wanted, jit.checked_threads(threads))
     rows, columns, values, errors = _exchanges(n, fill, progress)
     return _matrix(rows, columns, values, errors, areas)

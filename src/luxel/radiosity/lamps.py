@@ -54,9 +54,19 @@ def _radiance(sky: Any) -> Array:
     """(3,) or (h, w, 3)."""
     if sky is None:
         return np.zeros(3)
-    radiance = np.full(3, float(sky)) if np.ndim(sky) == 0 else np.asarray(sky)
+    wanted = "a number of W/(m2 sr), (3,), or a picture (h, w, 3)"
+    try:
+        radiance = np.asarray(sky)
+    except ValueError as error:  # rows of unlike length
+        raise InputError(f"sky: expected {wanted}, got {sky!r}") from error
+    if radiance.dtype.kind not in "fiu":
+        raise InputError(f"sky: expected {wanted}, got {sky!r}")
+    if radiance.ndim == 0:
+        radiance = np.full(3, float(radiance))
+    if not radiance.size:
+        raise InputError(f"sky: expected {wanted}, got {radiance.shape}")
     if not (np.isfinite(radiance).all() and np.min(radiance) >= 0):
         raise InputError("sky: expected finite radiance of at least 0")
-    if radiance.shape != (3,) and (radiance.ndim != 3 or radiance.shape[2] != 3 or not radiance.size):
-        raise InputError(f"sky: expected a number, (3,) or (h, w, 3), got {radiance.shape}")
+    if radiance.shape != (3,) and (radiance.ndim != 3 or radiance.shape[2] != 3):
+        raise InputError(f"sky: expected {wanted}, got {radiance.shape}")
     return radiance

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -9,9 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from luxel.arrays import Array
-from luxel.errors import InputError
+from luxel.errors import InputError, LuxelWarning
 from luxel.jit import checked_threads
-from luxel.radiosity.charts import Charted, chart_surfaces
+from luxel.radiosity.charts import Charted, chart_surfaces, linear_density
 from luxel.radiosity.pieces import Surface, areas
 from luxel.radiosity.reuse import make_room, own_coordinates
 from luxel.raster.geometry import made_normals
@@ -20,6 +21,8 @@ from luxel.scene.scene import Instance, Scene
 
 LUXELS = 250_000
 """About how many luxels a scene gets if no density is given."""
+
+_SHRUNK = 0.98  # of the density wanted: a chart that has less was too large for its page
 
 _VERTEX_ARRAYS = ("positions", "normals", "texcoords", "texcoords1", "colors", "tangents")
 
@@ -51,7 +54,7 @@ def unwrap(scene: Scene, density: float | Mapping[str, float] | None = None, pag
 
     A scene's own TEXCOORD_1 is taken if it serves: inside 0..1, without overlap, with charts of a texel at least. Meshes whose coordinates overlap
     those of others get pages of their own. Else new coordinates are made by xatlas, with the density that is asked for: exact on what can be laid
-    flat, the mean elsewhere. Charts narrower than a texel are made a texel wide, and charts too large for a page are made smaller.
+    flat, the mean elsewhere. Charts narrower than a texel are made a texel wide, and charts too large for a page are made smaller, which is said.
 
     Args:
         scene: Not changed.
@@ -83,7 +86,26 @@ def unwrap(scene: Scene, density: float | Mapping[str, float] | None = None, pag
     scaled = [Surface((s.positions * d).astype(np.float32), s.triangles, s.normals) for s, d in zip(surfaces, each, strict=True)]
     side = min(width, height)  # xatlas packs squares
     charted, pages = chart_surfaces(scaled, side, gutter, progress)
+    if density is not None:
+        _tell_of_shrunk(scaled, charted, each, side)
     return _assembled(scene, drawn, meshes, charted, pages, _page_size(charted, pages, side))
+
+
+def _tell_of_shrunk(scaled: list[Surface], charted: list[Charted], each: list[float], page: int) -> None:
+    """Warn of charts that were made smaller to fit on a page."""
+    count, got, asked = 0, np.inf, 0.0
+    for surface, flat, density in zip(scaled, charted, each, strict=True):
+        names, number = np.unique(np.append(flat.chart, -1), return_inverse=True)  # 0: none
+        chart, positions = number[:-1].astype(np.int64) - 1, surface.positions[flat.source].astype(np.float64)
+        share = linear_density(positions, flat.triangles, flat.texcoords, chart, len(names) - 1).max(1)
+        shrunk = share[(share > 0) & (share < _SHRUNK)]  # 0: a point
+        if len(shrunk):
+            count += len(shrunk)
+            got, asked = min((got, asked), (float(shrunk.min()) * density, density))
+    if count:
+        charts = "1 chart does not fit on a page of" if count == 1 else f"{count:,} charts do not fit on pages of"
+        text = f"density: {charts} {page} texels: down to {got:.4g} texels per metre where {asked:.4g} were asked for"
+        warnings.warn(f"{text}; a larger page would do", LuxelWarning, stacklevel=3)
 
 
 def expected_luxels(scene: Scene, density: float | Mapping[str, float] | None) -> float:
