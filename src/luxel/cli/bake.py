@@ -33,7 +33,7 @@ _REDRAW = 12  # a preview may take a part of the time like this
 _ROOM = {"moz": 3, "unlit": 1, "emissive": 1, "sidecar": 0}  # bytes a texel of a page, in the scene's file, about: pictures are compressed
 _EXR_ROOM, _SHADE_ROOM = 10, 1  # in an OpenEXR file, for each layer; and of ambient occlusion
 _WHITE = "1"
-_PASSING = 0.1  # of the time: light goes from luxel to luxel
+_PASSING = 0.15  # of the time: lights shoot, and light goes from luxel to luxel
 
 
 def _option(heading: str | None, *names: str, metavar: str | None = None, help: str) -> Any:
@@ -338,10 +338,13 @@ class _Watch:
             begun, self.begun, self.refused = self.begun, None, True
             begun(state)
             self.refused = False
-        light = 1.0 if unshot <= self.tolerance else math.log(min(unshot, 1.0)) / math.log(self.tolerance)
+        if unshot <= self.tolerance:
+            light = 1.0
+        else:  # where luxels look around, it is the lights that take time
+            light = 1 - unshot if self.shares[0] else math.log(min(unshot, 1.0)) / math.log(self.tolerance)
         looks = 2 if light == 1.0 else 0
         self.done[1], self.done[looks] = light, max(self.done[looks], state.looked)
-        looking = f"; {'the last bounce: ' if looks else ''}{state.looked:.0%} of the luxels have looked around" if 0 < state.looked < 1 else ""
+        looking = f"; {'last bounce' if looks else 'looking around'} {state.looked:.0%}" if 0 < state.looked < 1 else ""
         bar = sum(share * done for share, done in zip(self.shares, self.done, strict=True))
         self.report(bar, f"{unshot:7.2%} of the light unshot{looking}")
         if self.preview is not None and time.monotonic() >= self.next:
@@ -351,7 +354,7 @@ class _Watch:
 
 
 def _shares(options: dict[str, Any]) -> tuple[float, float, float]:
-    """Of the time of a bake, what looking around takes, about, the light that then goes from luxel to luxel, and the last bounce."""
+    """Of the time of a bake, what looking around takes, about, what light takes that shoots and goes on, and the last bounce."""
     from luxel.radiosity.bake import rays_of
     from luxel.radiosity.diagnosis import work_of
     from luxel.radiosity.elements import QUALITIES
