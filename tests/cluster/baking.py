@@ -56,7 +56,7 @@ def bytes_of(baked: Baked) -> Iterator[tuple[str, bytes]]:
     yield "ledger", b"".join(np.concatenate([[step.shots], *step[1:]]).tobytes() for step in baked.ledger)
     yield from ((name, layer.tobytes()) for name, layer in baked.layers.items())
     if baked.transport is not None:
-        for name in ("hits", "rows", "touched", "scale", "exchange", "still"):
+        for name in ("hits", "rows", "touched", "exchange", "still"):
             yield name, getattr(baked.transport, name).tobytes()
 
 
