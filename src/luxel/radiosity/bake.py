@@ -30,7 +30,7 @@ from luxel.radiosity.gather import Lookup, Sight, View, element_pages, texel_map
 from luxel.radiosity.inside import free_places, seen_backs
 from luxel.radiosity.labour import Labour
 from luxel.radiosity.lamps import Lamps, lamps_of
-from luxel.radiosity.luxels import Luxels, find_luxels, part_of
+from luxel.radiosity.luxels import Luxels, find_luxels, part_of, two_sided_triangles
 from luxel.radiosity.occlusion import Occlusion, prepare
 from luxel.radiosity.pages import triangle_pages
 from luxel.radiosity.rays import scene_masks
@@ -39,7 +39,6 @@ from luxel.radiosity.solve import Problem, Rows, Source, State, Step, ambient, c
 from luxel.radiosity.unwrap import Atlas, expected_luxels, unwrap
 from luxel.raster.bin import BLEND
 from luxel.raster.geometry import Geometry, flatten
-from luxel.scene.material import Material
 from luxel.scene.normals import with_normals
 from luxel.scene.scene import Scene
 
@@ -200,10 +199,7 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
     rays = rays_of(settings, lamps.sky is not None)
     prepared = _prepare(atlas, settings, rays, density, labour, clock)
     problem, n = prepared.cut.problem, prepared.cut.problem.elements.numbers.shape[1]
-    if problem.lights is None and not len(lamps.table) and lamps.sky is None:
-        hidden = "all that is emissive lies in solids, or the normals about it are inverted"
-        dark = "what is emissive has no surface, or its pictures are black"
-        raise InputError(f"bake: nothing shines: {hidden if prepared.luxels.emission.any() else dark}")
+    _check_light(prepared, lamps)
     keep = transport or layers
     counts = _kept_rows(problem, settings.seen > 0, rays, keep, labour)
     labour = labour.fitting(problem, prepared.view, (rays, settings.gathered), counts)
@@ -252,6 +248,14 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
             baked.layers = _layers(prepared, kept, lamps, sight, labour)
             clock.lap("layers")
     return baked
+
+
+def _check_light(prepared: _Prepared, lamps: Lamps) -> None:
+    """Refuse a scene in which nothing shines after all."""
+    if prepared.cut.problem.lights is None and not len(lamps.table) and lamps.sky is None:
+        hidden = "all that is emissive lies in solids, or the normals about it are inverted"
+        dark = "what is emissive has no surface, or its pictures are black"
+        raise InputError(f"bake: nothing shines: {hidden if prepared.luxels.emission.any() else dark}")
 
 
 def _tell_of_loss(state: State) -> None:
@@ -386,7 +390,7 @@ def _prepare(atlas: Atlas, settings: Quality, rays_each: int, density: float | N
     check_memory(len(luxels.area) + int(luxels.two_sided.sum()), len(atlas.chart), rays_each // labour.team.size, density, labour.team.here)
     clock.lap("luxels")
     geometry = flatten(atlas.scene, "none")
-    two_sided = _two_sided(atlas.scene, geometry)
+    two_sided = two_sided_triangles(atlas.scene, geometry)
     masks = scene_masks(atlas.scene, geometry)
     mode = np.repeat(geometry.parts.alpha_mode, np.diff(geometry.part_start))
     rays = prepare(geometry.positions, np.where((mode == BLEND)[:, None], 0, geometry.triangles), masks)
@@ -429,12 +433,6 @@ def _move_out(luxels: Luxels, sides: tuple[Array, Array], rays: Occlusion, two_s
         for side in sides:
             side[moved] *= np.sqrt(share[kept])[:, None]
     return valid
-
-
-def _two_sided(scene: Scene, geometry: Geometry) -> Array:
-    """(m,) bool, of each triangle."""
-    sided = np.array([m.double_sided for m in [*scene.materials, Material()]])
-    return sided[geometry.part_material[part_of(geometry, np.arange(len(geometry.triangles)))]]
 
 
 def _per_luxel(prepared: _Prepared, values: Array) -> Array:

@@ -10,13 +10,13 @@ from luxel import jit
 from luxel.arrays import Array
 from luxel.errors import InputError
 from luxel.memory import free_bytes
+from luxel.radiosity.luxels import two_sided_triangles
 from luxel.radiosity.overlap import overlap
 from luxel.radiosity.pages import draw_page, triangle_pages
 from luxel.radiosity.pieces import areas
 from luxel.radiosity.texture_space import Texels, area2, place_vertices
 from luxel.raster.constants import SUBPIXEL
 from luxel.raster.geometry import Geometry, flatten
-from luxel.scene.material import Material
 
 if TYPE_CHECKING:
     from luxel.radiosity.unwrap import Atlas
@@ -130,8 +130,7 @@ def diagnose(atlas: Atlas, threads: int | None = None, rays: int = _RAYS, work: 
     geometry = flatten(atlas.scene, "none")
     screen, surface = place_vertices(geometry.texcoords1, atlas.size, threads), areas(geometry.positions, geometry.triangles)
     page = triangle_pages(atlas, geometry)
-    two_sided = np.array([m.double_sided for m in [*atlas.scene.materials, Material()]])
-    two_sided = np.repeat(two_sided[geometry.part_material], np.diff(geometry.part_start))
+    two_sided = two_sided_triangles(atlas.scene, geometry)
     covered = twice = luxels = sides = contested = 0
     gutter = MOST_GUTTER
     for number in range(atlas.pages):

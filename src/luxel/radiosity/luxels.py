@@ -86,7 +86,7 @@ def find_luxels(atlas: Atlas, threads: int | None = None) -> Luxels:
     keep = seen.share >= LEAST_SHARE
     place = texels.place
     texel = np.stack([page, place // atlas.size[0], place % atlas.size[0]], 1).astype(np.int32)
-    sided = np.array([m.double_sided for m in [*atlas.scene.materials, Material()]])[geometry.part_material[part_of(geometry, texels.triangle)]]
+    sided = two_sided_triangles(atlas.scene, geometry)[texels.triangle]
     luxels = Luxels(
         texel, seen.position, seen.normal, seen.face_normal, (area * seen.share).astype(np.float32), texels.coverage, seen.albedo, seen.emission,
         texels.triangle, chart, sided, shape, contested, lost,
@@ -106,6 +106,12 @@ def surface_areas(geometry: Geometry) -> Array:
 def part_of(geometry: Geometry, triangle: Array) -> Array:
     """The part (instance) of each triangle."""
     return np.searchsorted(geometry.part_start, triangle, "right") - 1
+
+
+def two_sided_triangles(scene: Scene, geometry: Geometry) -> Array:
+    """(m,) bool, of each triangle."""
+    sided = np.array([m.double_sided for m in [*scene.materials, Material()]])
+    return np.repeat(sided[geometry.part_material], np.diff(geometry.part_start))
 
 
 def texture_gradients(atlas: Atlas, geometry: Geometry) -> Array:
