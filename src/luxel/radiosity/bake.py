@@ -219,7 +219,7 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
     state = start(problem, still, labour.threads)
     clock.lap("direct")
     keeps = checkpoint is not None and labour.team.leads
-    key = saving.fingerprint(prepared.geometry, prepared.luxels, problem.exitance, still, settings) if keeps else ""
+    key = saving.fingerprint(settings, _known(prepared, lamps, still)) if keeps else ""
     if checkpoint and resume:
         state = labour.once(lambda: saving.load(Path(checkpoint), key, state) or state)
     state = labour.state(problem, state)
@@ -248,6 +248,15 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
             baked.layers = _layers(prepared, kept, lamps, sight, labour)
             clock.lap("layers")
     return baked
+
+
+def _known(prepared: _Prepared, lamps: Lamps, still: Array) -> list[Array]:
+    """All that the light depends on but for the quality: where surfaces are, what they do to light and what hides them, and what shines."""
+    luxels, geometry = prepared.luxels, prepared.geometry
+    surfaces = [geometry.positions, geometry.triangles, luxels.position, luxels.normal, luxels.area, luxels.albedo, prepared.two_sided]
+    shines = [prepared.cut.problem.exitance, still, lamps.table, np.zeros(0) if lamps.sky is None else lamps.sky]
+    rays = prepared.rays  # which triangles hide what, and where their masks have holes
+    return surfaces + [rays.triangle, rays.mask, rays.texcoords, rays.masks, rays.cutoffs, rays.alpha] + shines
 
 
 def _check_light(prepared: _Prepared, lamps: Lamps) -> None:
