@@ -25,8 +25,7 @@ import memory
 from blender import Cycles
 from luxel.radiosity import lightmap
 from luxel.radiosity.bake import Baked, bake
-from luxel.scene.builtin import SCENES, quad, transformed
-from luxel.scene.builtin.room import GLOW
+from luxel.scene.builtin import SCENES, quad, to_bake, transformed
 from luxel.scene.transforms import rotation, translation
 from pathtracer import Missing, Mitsuba, Truth, truth
 from report import ROOT, alternating, machine, median, meshes, milliseconds, table, write_section
@@ -87,13 +86,12 @@ def bare(scene: luxel.Scene) -> luxel.Scene:
 
 def demo_room(quick: bool) -> Case:
     """The demo's, lit through its windows as `luxel demo` lights it, in plain colours that a path tracer can tell light from."""
-    scene = SCENES["room"]()
+    scene = to_bake(SCENES["room"]())
     materials = []
     for material in scene.materials:
-        red, green, blue = (GLOW.get(material.name, 1.0) * channel for channel in material.emissive)
         color = *(min(max(channel, 0.02), 0.8) for channel in material.base_color[:3]), 1.0
-        glow = {"emissive": (red, green, blue), "emissive_texture": None}
-        plain = replace(material, base_color=color, base_color_texture=None, metallic=0.0, alpha_mode="OPAQUE", **glow)
+        untextured = {"base_color_texture": None, "emissive_texture": None, "metallic": 0.0, "alpha_mode": "OPAQUE"}
+        plain = replace(material, base_color=color, **untextured)
         materials.append(plain)
     uncolored = [replace(mesh, colors=None) for mesh in scene.meshes]
     return Case("demo's room", bare(replace(scene, materials=materials, meshes=uncolored)), 10.0, None, 600, 32768 // (8 if quick else 1))

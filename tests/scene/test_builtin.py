@@ -24,6 +24,7 @@ from luxel.scene.builtin import (
     sphere,
     superellipsoid,
     surface,
+    to_bake,
     torus,
     transformed,
     tube,
@@ -225,6 +226,23 @@ def test_room_is_closed_and_holds_its_furniture():
     assert {m.alpha_mode for m in scene.materials} == {"OPAQUE", "MASK", "BLEND"}
     assert any(any(m.emissive) for m in scene.materials)
     assert {light.kind for light in scene.lights} == {"spot", "point"}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_what_is_to_be_baked_shines_by_itself(name):
+    """And the scene that is drawn without a bake stays as it is."""
+    scene, again = SCENES[name](), SCENES[name]()
+    made = to_bake(scene)
+    assert not made.lights
+    assert made.ambient is scene.ambient
+    assert [m.emissive for m in scene.materials] == [m.emissive for m in again.materials]
+    assert len(scene.lights) == len(again.lights)
+    for baked, drawn in zip(made.materials, scene.materials, strict=True):
+        assert any(baked.emissive) == any(drawn.emissive)
+        assert all(a >= b for a, b in zip(baked.emissive, drawn.emissive, strict=True))
+    if name == "room":
+        window = next(m for m in made.materials if m.name == "daylight")
+        assert max(window.emissive) > 10  # much brighter than a picture's white
 
 
 def test_room_has_no_hole():

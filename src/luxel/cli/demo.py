@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -55,26 +54,19 @@ def demo(
 def _baked(console: Console, scene: Scene, density: float | None) -> Scene | None:
     """The scene with its light in it, as a picture shows it; None where what baking needs is not installed, which is said."""
     from luxel.radiosity.bake import bake
-    from luxel.scene.builtin.room import GLOW
+    from luxel.scene.builtin import to_bake
 
-    shining = [replace(material) for material in scene.materials]
-    for material in shining:
-        red, green, blue = (GLOW.get(material.name, 1.0) * channel for channel in material.emissive)
-        material.emissive = red, green, blue
     try:
         with console.work("baking light") as report:
-            # The lights and the ambient stand in for what shines where nothing is baked.
-            dark = replace(scene, materials=shining, lights=[], ambient=None)
 
             def told(unshot: float, _: object) -> None:
                 report(1 - unshot, f"{unshot:.1%} of the light unshot")
 
-            lit = bake(dark, quality="normal", density=density, progress=told).scene
+            lit = bake(to_bake(scene), quality="normal", density=density, progress=told).scene
     except ExtraMissingError as error:
         console.note(f"the light is not baked: {error}")
         return None
     shown = {material.name: material.emissive for material in scene.materials}
     for material in lit.materials:
         material.emissive = shown[material.name]
-    lit.ambient = scene.ambient  # for what metals mirror
     return lit

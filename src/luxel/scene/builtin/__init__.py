@@ -13,7 +13,7 @@ from luxel.scene.builtin.cornell import cornell_box
 from luxel.scene.builtin.grid import merged, surface, transformed
 from luxel.scene.builtin.paper import two_triangles
 from luxel.scene.builtin.paper_rooms import room_complex, room_simple
-from luxel.scene.builtin.room import room
+from luxel.scene.builtin.room import room, to_bake
 from luxel.scene.builtin.shapes import (
     box,
     cone,
@@ -57,6 +57,7 @@ __all__ = [
     "sphere",
     "superellipsoid",
     "surface",
+    "to_bake",
     "torus",
     "transformed",
     "tube",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from luxel.scene.builtin import furniture as f
@@ -24,8 +26,21 @@ GLOW = {"daylight": 16.0, "shade": 4.0, "bulb": 4.0}
 """By material: how much more it shines into the room than a picture can show of it, whose white is far below a window's."""
 
 
+def to_bake(scene: Scene) -> Scene:
+    """A scene made by code, to be baked: without the lights that stand in for what glows where nothing is baked, and with what glows as bright as it
+    is. The ambient stays: a bake takes no light from it, and metals mirror it. The scene that is given is not changed."""
+    materials = [replace(material) for material in scene.materials]
+    for material in materials:
+        red, green, blue = (GLOW.get(material.name, 1.0) * channel for channel in material.emissive)
+        material.emissive = red, green, blue
+    return replace(scene, materials=materials, lights=[])
+
+
 def room() -> Scene:
-    """A living room: window, curtains, sofa, armchair, table, lamp, bookshelf, plant, rug; two cameras."""
+    """A living room: window, curtains, sofa, armchair, table, lamp, bookshelf, plant, rug; two cameras.
+
+    Its lights, and how bright things glow, are for pictures without a bake; `to_bake` gives those for one.
+    """
     footprints = [
         (-0.75, -1.85, 2.15, 0.85, 0.08),  # sofa
         (-2.05, 0.55, 0.5, 0.5, 0.2),  # armchair
@@ -187,4 +202,4 @@ def _lights() -> list[Light]:
     ]
 
 
-__all__ = ["room"]
+__all__ = ["room", "to_bake"]
