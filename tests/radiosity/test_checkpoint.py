@@ -63,7 +63,7 @@ def test_a_checkpoint_of_another_version_is_refused(tmp_path, monkeypatch):
     state = tmp_path / "state"
     options = begin(leaf(), state)
     monkeypatch.setattr(checkpoint, "SOLVER", checkpoint.SOLVER + 1)
-    with pytest.raises(InputError, match="state: the checkpoint is of another version of luxel, .* delete it, or bake without --resume"):
+    with pytest.raises(InputError, match=r"state: the checkpoint is of another version of luxel, .* delete it, or bake without --resume"):
         bake(leaf(), resume=True, **options)
     monkeypatch.undo()
     with np.load(state) as kept:

@@ -7,7 +7,9 @@ from laid import laid_out, rectangle
 import luxel
 from luxel import InputError, Instance, LuxelWarning, Material, Mesh, Scene, Texture, TextureRef
 from luxel.radiosity import packing, pieces
+from luxel.radiosity.bake import effort
 from luxel.radiosity.diagnosis import diagnose, estimate, work_of
+from luxel.radiosity.elements import QUALITIES
 from luxel.radiosity.luxels import find_luxels, surface_areas
 from luxel.radiosity.unwrap import unwrap
 from luxel.raster.geometry import flatten
@@ -299,6 +301,32 @@ def test_the_time_of_a_bake_is_told_within_a_factor_of_two(luxels, triangles, se
     for kind, took in zip(kinds, seconds, strict=True):
         said = estimate(luxels, triangles, kind[0], work_of(*kind))[1]
         assert took / 2 < said < took * 2, kind
+
+
+@pytest.mark.parametrize(("quality", "luxels", "triangles", "sky", "glows", "seconds"), [
+    ("progressive", 12_407, 46, False, True, 0.17),  # Cornell box, 80 luxels a metre
+    ("progressive", 75_615, 46, False, True, 3.2),  # and 200
+    ("progressive", 42_589, 3_204, False, True, 1.4),  # room-simple
+    ("progressive", 28_355, 17_098, False, True, 1.7),  # room-complex
+    ("progressive", 100_238, 17_098, False, True, 9.8),
+    ("progressive", 11_497, 69_451, True, False, 2.5),  # a bunny under a sky
+    ("progressive", 12_941, 69_453, False, True, 1.1),  # and below a lamp
+    ("reference", 7_006, 46, False, True, 6.0),
+    ("reference", 3_213, 46, True, True, 3.0),
+    ("reference", 6_086, 3_204, False, True, 11.3),
+    ("reference", 6_086, 3_204, True, True, 8.6),
+    ("reference", 1_304, 69_453, False, True, 2.7),
+    ("reference", 2_167, 69_451, True, False, 1.8),
+])  # fmt: skip
+def test_the_time_of_shooters_is_told_as_roughly(quality, luxels, triangles, sky, glows, seconds):
+    """As measured on two cores, without the layout, which a dry run has just made: processor time by two."""
+    said = estimate(luxels, triangles, *effort(QUALITIES[quality], sky, glows))[1]
+    assert seconds / 2.5 < said < seconds * 2.5
+
+
+def test_a_dry_run_has_just_seen_how_long_the_layout_takes():
+    atlas = unwrap(SCENES["cornell-box"](), 10.0)
+    assert diagnose(atlas, laid=100.0).seconds == pytest.approx(100.0 + diagnose(atlas, laid=0.0).seconds)
 
 
 def test_real_scenes(meshes):

@@ -244,26 +244,32 @@ def _tell(console: Console, comm: Comm, file: Path, options: dict[str, Any]) -> 
     import numpy as np
 
     from luxel import load
-    from luxel.radiosity.bake import rays_of
-    from luxel.radiosity.diagnosis import check_memory, diagnose, work_of
+    from luxel.radiosity.bake import effort
+    from luxel.radiosity.diagnosis import check_memory, diagnose
     from luxel.radiosity.elements import QUALITIES
     from luxel.radiosity.lamps import lamps_of
     from luxel.radiosity.unwrap import expected_luxels, unwrap
 
     scene, settings, density, threads = load(file), QUALITIES[options["quality"]], options["density"], options["threads"]
+    settings = settings._replace(tolerance=options["tolerance"] or settings.tolerance)
     sky = options["sky"] is not None and bool(np.any(options["sky"]))
-    rays = rays_of(settings, sky)
+    rays, work, shooters = effort(settings, sky, _glows(scene))
     fits = partial(check_memory, rays=rays // comm.size, density=density, here=comm.here)
     if density is not None:
         fits(expected_luxels(scene, density), 0)
     with console.work("laying out") as report:
+        start = time.perf_counter()
         atlas = unwrap(scene, density, options["page"], threads=threads, progress=report)
-        found = diagnose(atlas, threads, rays, work_of(rays, settings.gathered, settings.unlike < math.inf, sky))
+        found = diagnose(atlas, threads, rays, work, shooters, time.perf_counter() - start)
     refused = _refusal(partial(lamps_of, scene, options["sky"])) or _refusal(partial(fits, found.sides, found.triangles))
     data = {**found._asdict(), "density": found.density._asdict(), "faults": found.faults(), "serves": found.serves}
     console.result({"file": str(file), **data, "refused": None if refused is None else str(refused)}, found.text())
     if refused:
         raise InputError(f"a bake would be refused: {refused}") from refused
+
+
+def _glows(scene: Scene) -> bool:
+    return any(max(scene.materials[mesh.material].emissive) > 0 for mesh in scene.meshes if mesh.material >= 0)
 
 
 def _refusal(check: Callable[[], object]) -> InputError | None:

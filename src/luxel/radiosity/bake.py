@@ -24,7 +24,7 @@ from luxel.clock import Clock
 from luxel.errors import FileError, InputError, LuxelWarning
 from luxel.radiosity import checkpoint as saving
 from luxel.radiosity import lightmap
-from luxel.radiosity.diagnosis import check_memory
+from luxel.radiosity.diagnosis import Shooters, check_memory, work_of
 from luxel.radiosity.elements import QUALITIES, Cut, Quality, cut, frames_of_texels
 from luxel.radiosity.gather import Lookup, Sight, View, element_pages, texel_maps
 from luxel.radiosity.inside import free_places, seen_backs
@@ -256,7 +256,7 @@ def _known(prepared: _Prepared, lamps: Lamps, still: Array) -> list[Array]:
     surfaces = [geometry.positions, geometry.triangles, luxels.position, luxels.normal, luxels.area, luxels.albedo, prepared.two_sided]
     shines = [prepared.cut.problem.exitance, still, lamps.table, np.zeros(0) if lamps.sky is None else lamps.sky]
     rays = prepared.rays  # which triangles hide what, and where their masks have holes
-    return surfaces + [rays.triangle, rays.mask, rays.texcoords, rays.masks, rays.cutoffs, rays.alpha] + shines
+    return [*surfaces, rays.triangle, rays.mask, rays.texcoords, rays.masks, rays.cutoffs, rays.alpha, *shines]
 
 
 def _check_light(prepared: _Prepared, lamps: Lamps) -> None:
@@ -311,6 +311,18 @@ def labour_of(threads: int | None, comm: Comm | None, device: str = "cpu") -> La
 def rays_of(settings: Quality, sky: bool) -> int:
     """By how many rays each element looks around."""
     return (settings.seen or _SEEN) * (2 if sky else 1)
+
+
+def effort(settings: Quality, sky: bool, glows: bool) -> tuple[int, float, Shooters | None]:
+    """What `diagnosis.estimate` asks for: rays that are kept, the work of a luxel, and what shoots; of a scene with or without a sky, and whether
+    any surface glows."""
+    looks = settings.seen > 0
+    rays = rays_of(settings, sky)
+    work = work_of(rays if looks or sky else 0, settings.gathered, looks and settings.unlike < math.inf, sky)
+    if looks and not settings.exact:
+        return rays, work, None
+    lights = settings.light_points if glows else 0
+    return rays, work, Shooters(lights, settings.rays, 0.0 if looks else settings.patch, settings.tolerance, _ROW_BYTES)
 
 
 def _kept_rows(problem: Problem, elements_shoot: bool, rays: int, keep: bool, labour: Labour) -> tuple[int, int]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -32,8 +33,13 @@ _RAYS = 128  # of a luxel in a bake of normal quality without a sky
 _SECONDS_A_TRIANGLE, _SECONDS_AT_LEAST = 1e-5, 0.1  # to lay them out
 _SECONDS_A_RAY = 1.1e-8  # for each doubling of the triangles, as all that follow
 _OWN, _CLOSER, _SKY, _GATHERED = 30, 36, 64, 0.45  # as many rays take what each luxel, looking closer, and the sky's edges take; and a ray not kept
-_SCATTER = 0.4  # a triangle keeps neighbours from looking at the same, as so many luxels more
+_PAIR = 0.8  # as many rays takes one between a luxel and a light that it asks for
+_SCATTER, _ALONE = 0.4, 2.0  # a triangle keeps neighbours from looking at the same, as so many luxels more; at most all luxels from all of theirs
 _WORK = float(_OWN + _RAYS + _CLOSER)  # of a bake of normal quality without a sky
+_ROW = 1.6e-4, 9e-9, 1.2e-9  # seconds to draw what a patch sees and find who gets how much: at least, for each luxel, and for each triangle
+_SHOT = 5e-10  # and for each luxel, to give it that
+_FLAT, _BENT = 0.7, 0.25  # of the area that patches may have, they have this where all is flat; and as many of luxels, or of triangles, end one
+_SHOTS = 4.0 / math.log(1e3)  # of a patch, for each e-th part of the light that is left
 
 
 class Density(NamedTuple):
@@ -42,6 +48,35 @@ class Density(NamedTuple):
     least: float
     median: float
     most: float
+
+
+class Shooters(NamedTuple):
+    """What shoots its light to all luxels.
+
+    Attributes:
+        lights: Points of lights.
+        rays: Luxels ask by so many what of a light they see, if patches do not shoot.
+        patch: Luxels along the side of a patch that shoots, where the surface is flat; 0: only lights shoot, else both do by hemicubes.
+        tolerance: The unshot share of the light at which patches stop.
+        kept: Bytes that rows of transport of patches may take; the others are drawn anew each time.
+    """
+
+    lights: int
+    rays: int
+    patch: float
+    tolerance: float
+    kept: int
+
+    def seconds(self, luxels: int, triangles: int) -> float:
+        """About how long it takes, on two cores."""
+        if not self.patch:
+            return self.lights * self.rays * luxels * float(np.log2(triangles + 2.0)) * _PAIR * _SECONDS_A_RAY
+        patches = luxels / (_FLAT * self.patch**2) + _BENT * min(luxels, triangles)
+        shots = patches * max(1.0, _SHOTS * math.log(1 / self.tolerance))
+        again = max(0.0, 1.0 - self.kept / max(2.0 * luxels * patches, 1.0))  # share of the patches whose rows are not kept
+        rows = self.lights + patches + (shots - patches) * again
+        least, each, drawn = _ROW
+        return rows * (least + each * luxels + drawn * triangles) + (self.lights + shots) * luxels * _SHOT
 
 
 class Diagnosis(NamedTuple):
@@ -124,8 +159,13 @@ class Diagnosis(NamedTuple):
         return "\n".join(lines + [f"fault        {fault}" for fault in self.faults()])
 
 
-def diagnose(atlas: Atlas, threads: int | None = None, rays: int = _RAYS, work: float = _WORK) -> Diagnosis:
-    """Look at the lightmap coordinates of a scene, and tell what a bake takes whose luxels keep what so many rays meet, and do so much `work_of`."""
+def diagnose(atlas: Atlas, threads: int | None = None, rays: int = _RAYS, work: float = _WORK, shooters: Shooters | None = None,
+             laid: float | None = None) -> Diagnosis:  # fmt: skip
+    """Look at the lightmap coordinates of a scene, and tell what a bake takes: see `estimate`.
+
+    Args:
+        laid: Seconds that the coordinates have taken, if they have just been made: a bake makes them again.
+    """
     threads = jit.checked_threads(threads)
     geometry = flatten(atlas.scene, "none")
     screen, surface = place_vertices(geometry.texcoords1, atlas.size, threads), areas(geometry.positions, geometry.triangles)
@@ -146,7 +186,9 @@ def diagnose(atlas: Atlas, threads: int | None = None, rays: int = _RAYS, work: 
     beyond = np.abs(geometry.texcoords1 - np.float32(0.5)).max(1, initial=0) > 0.5 + _SLACK
     outside = int(np.count_nonzero(beyond[geometry.triangles].any(1) & (surface > 0)))
     charts, triangles = int(atlas.chart.max(initial=-1)) + 1, len(geometry.triangles)
-    memory, seconds = estimate(sides, triangles, rays, work)
+    memory, seconds = estimate(sides, triangles, rays, work, shooters)
+    if laid is not None:
+        seconds += laid - triangles * _SECONDS_A_TRIANGLE
     return Diagnosis(
         triangles, charts, atlas.pages, atlas.size, atlas.reused, luxels, sides, luxels / (atlas.pages * atlas.size[0] * atlas.size[1]),
         density_of(atlas, geometry, surface), twice / max(covered, 1), outside, small, share, contested, gutter, memory, seconds, free_bytes(),
@@ -158,14 +200,18 @@ def work_of(rays: int, gathered: int, closer: bool, sky: bool) -> float:
     return _OWN + rays + _GATHERED * gathered + _CLOSER * closer + _SKY * sky
 
 
-def estimate(luxels: int, triangles: int, rays: int = _RAYS, work: float = _WORK) -> tuple[int, float]:
+def estimate(luxels: int, triangles: int, rays: int = _RAYS, work: float = _WORK, shooters: Shooters | None = None) -> tuple[int, float]:
     """Bytes, and seconds on two cores, that a bake will take if each luxel keeps what so many rays meet, and does so much `work_of`.
 
-    The time is rough, within a factor of two in rooms: what a ray costs depends on what it meets. Qualities that see by hemicubes take longer.
+    The time is rough, within a factor of two in rooms: what a ray costs depends on what it meets.
+
+    Args:
+        shooters: What shoots, but for lights that draw hemicubes for luxels that look around: those few are in `work`.
     """
     memory = _BYTES_AT_LEAST + luxels * (_BYTES_A_LUXEL + _BYTES_A_RAY * rays) + triangles * _BYTES_A_TRIANGLE
-    looks = (luxels + _SCATTER * triangles) * np.log2(triangles + 2.0)
-    return int(memory), float(_SECONDS_AT_LEAST + triangles * _SECONDS_A_TRIANGLE + looks * work * _SECONDS_A_RAY)
+    looks = (luxels + min(_SCATTER * triangles, _ALONE * luxels)) * np.log2(triangles + 2.0)
+    shot = 0.0 if shooters is None else shooters.seconds(luxels, triangles)
+    return int(memory), float(_SECONDS_AT_LEAST + triangles * _SECONDS_A_TRIANGLE + looks * work * _SECONDS_A_RAY + shot)
 
 
 def check_memory(luxels: float, triangles: int, rays: int, density: float | None = None, here: int = 1) -> None:
