@@ -323,3 +323,16 @@ def test_triangles_without_area_are_told(tmp_path, capsys):
     luxel.save(scene, tmp_path / "flat.glb")
     assert main(["bake", str(tmp_path / "flat.glb"), "-o", str(tmp_path / "lit.glb"), "--quality", "draft", "--density", "8"]) == 0
     assert "1 triangle has no area, and no light" in capsys.readouterr().err
+
+
+def test_as_many_triangles_have_no_area_as_info_says(tmp_path, capsys):
+    """Also slivers whose area is above nothing in float64 alone."""
+    corners = np.array([[0, 0, 0], [0, 0, 1], [1, 0, 1], [1, 0, 0], [0.3, 1e-9, 0]], np.float32)
+    faces = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 0, 1]], np.int32)
+    path = tmp_path / "flat.ply"
+    luxel.save(luxel.Scene.from_mesh(luxel.Mesh(corners, faces)), path)
+    assert main(["info", str(path), "--json"]) == 0
+    odd = {o["kind"]: o["count"] for o in json.loads(capsys.readouterr().out)["oddities"]}
+    assert odd["degenerate triangles"] == 2
+    assert main(["bake", str(path), "-o", str(tmp_path / "lit.glb"), "--quality", "draft", "--density", "8", "--sky", "1"]) == 0
+    assert "2 triangles have no area, and no light" in capsys.readouterr().err

@@ -174,6 +174,31 @@ def test_a_room_turned_inside_out_is_said_to_be():
         bake(scene, density=10, quality="draft")
 
 
+def test_what_takes_light_away_is_named():
+    """Whether or not something else shines."""
+    scene = box([matte(0.5, 1.0)] * 3 + [matte(0.5, (0.1, -0.2, 0.0), name="hole")] + [matte(0.5)] * 2)
+    with pytest.raises(InputError, match=r"bake: material \d \('hole'\): expected emissive of at least 0, got \(0.1, -0.2, 0.0\)"):
+        bake(scene, density=10, quality="draft")
+    scene = box(matte(0.5, 1.0))
+    for dark in (Light("point", intensity=-2.0), Light("point", (0.5, -0.5, 0.5), 1.0)):
+        scene.lights = [dark]
+        with pytest.raises(InputError, match="bake: light 0: expected an intensity and a color of at least 0, got intensity "):
+            bake(scene, density=10, quality="draft")
+
+
+def test_what_is_not_finite_is_said_and_left_out():
+    """In a file's words; and what is baked without it can be written."""
+    scene, whole = box(matte(0.5, GLOW)), box(matte(0.5, GLOW))
+    broken = scene.meshes[2]
+    broken.positions = np.concatenate([broken.positions, [[np.nan, 0, 0]]]).astype(np.float32)
+    broken.triangles = np.concatenate([broken.triangles, [[0, 1, 4]]]).astype(np.int32)
+    with pytest.warns(LuxelWarning, match="y0: 1 vertices are not finite; 1 triangles that use them are dropped"):
+        baked = bake(scene, density=10, quality="draft")
+    assert all(np.isfinite(mesh.positions).all() for mesh in baked.atlas.scene.meshes)
+    assert baked.irradiance.tobytes() == bake(whole, density=10, quality="draft").irradiance.tobytes()
+    assert len(broken.positions) == 5  # the scene that is given stays
+
+
 def test_a_broken_checkpoint_is_named(lamp_room, tmp_path):
     state = tmp_path / "state"
     state.write_bytes(b"nonsense")

@@ -414,7 +414,7 @@ def _save(lit: Scene, baked: Baked, write: _Write) -> list[Path]:
 def _say(console: Console, baked: Baked, written: list[Path], state: Path, took: float, ranks: list[dict[str, float]]) -> None:
     import numpy as np
 
-    from luxel.radiosity.pieces import areas
+    from luxel.scene.inspect import flat_triangles
 
     last = baked.ledger[-1] if baked.ledger else None
     unshot, shots = (last.unshot_fraction, last.shots) if last else (0.0, 0)
@@ -433,7 +433,7 @@ def _say(console: Console, baked: Baked, written: list[Path], state: Path, took:
         "seconds": {**{name: float(value) for name, value in baked.seconds.items()}, "all": took},
         **({"ranks": ranks} if len(ranks) > 1 else {}),
     }
-    flat = sum(int(np.count_nonzero(areas(mesh.positions, mesh.triangles) == 0.0)) for mesh in baked.atlas.scene.meshes)
+    flat = sum(int(np.count_nonzero(flat_triangles(mesh))) for mesh in baked.atlas.scene.meshes)
     if flat:
         console.note(f"{flat:,} triangle{'s have' if flat > 1 else ' has'} no area, and no light")
     if not baked.finished:

@@ -41,6 +41,13 @@ def build_mesh(where: object, positions: Array, triangles: Array, *, material: i
     return Mesh(positions, triangles, material=material, name=name, **arrays)
 
 
+def finite_mesh(where: object, mesh: Mesh) -> Mesh:
+    """The mesh as it is, or without the vertices that are NaN or infinite and the triangles that use them, which is said as of a file's."""
+    if _finite_rows(mesh.positions) is None:
+        return mesh
+    return build_mesh(where, **vars(mesh))
+
+
 def turned(texcoords: Array) -> Array:
     """Texture coordinates (n, 2) with v counted from the other end: PLY, OBJ, OFF from the bottom, glTF and luxel from the top."""
     return np.stack([texcoords[:, 0], 1 - texcoords[:, 1]], 1)

@@ -385,10 +385,11 @@ def _quality(quality: str | Quality, tolerance: float | None) -> Quality:
 
 
 def _loaded(scene: Any) -> Scene:
-    if isinstance(scene, Scene):
-        return scene
     from luxel.io import load
+    from luxel.io.build import finite_mesh
 
+    if isinstance(scene, Scene):
+        return replace(scene, meshes=[finite_mesh(mesh.name or f"mesh {number}", mesh) for number, mesh in enumerate(scene.meshes)])
     return load(scene)
 
 

@@ -38,9 +38,10 @@ def lamps_of(scene: Scene, sky: Any) -> Lamps:
         sky: Radiance, W/(m2 sr): a number, (3,), or an equirectangular (h, w, 3) picture; None: no sky.
 
     Raises:
-        InputError: The sky is nothing of these, or neither they nor a material of the scene shine.
+        InputError: The sky is nothing of these, a lamp or a material takes light away, or neither they nor the sky shine.
     """
     table, radiance = light_table(scene.lights), _radiance(sky)
+    _check_not_below_nothing(scene)
     if not radiance.any():
         if not len(table) and not any(max(scene.materials[mesh.material].emissive) > 0 for mesh in scene.meshes if mesh.material >= 0):
             raise InputError("bake: nothing shines: expected an emissive material, a light or a sky")
@@ -48,6 +49,22 @@ def lamps_of(scene: Scene, sky: Any) -> Lamps:
     even, sun = split(radiance)
     suns = sky_table(sun, _SUN_DIRECTIONS) if (sun > 0).any() else table[:0]
     return Lamps(np.concatenate([table, suns]), len(table), even)
+
+
+def _check_not_below_nothing(scene: Scene) -> None:
+    """Refuse lamps and materials that would take light away."""
+    for number in sorted({mesh.material for mesh in scene.meshes if mesh.material >= 0}):
+        material = scene.materials[number]
+        if min(material.emissive) < 0:
+            raise InputError(f"bake: {_named('material', number, material.name)}: expected emissive of at least 0, got {tuple(material.emissive)}")
+    for number, light in enumerate(scene.lights):
+        if min(channel * light.intensity for channel in light.color) < 0:
+            what = f"intensity {light.intensity:g}, color {tuple(light.color)}"
+            raise InputError(f"bake: {_named('light', number, light.name)}: expected an intensity and a color of at least 0, got {what}")
+
+
+def _named(kind: str, number: int, name: str) -> str:
+    return f"{kind} {number} ({name!r})" if name else f"{kind} {number}"
 
 
 def _radiance(sky: Any) -> Array:

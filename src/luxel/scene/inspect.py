@@ -261,6 +261,12 @@ def _check_mesh(mesh: Mesh, where: str) -> tuple[list[Oddity], bool]:
     return found, closed
 
 
+def flat_triangles(mesh: Mesh) -> Array:
+    """(m,) bool: triangles without an area worth the name, which are never seen: lower than float32 can tell, or with two corners in one place."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        return _facing(mesh, _same_rows([mesh.positions])[mesh.triangles])[1]
+
+
 def _check_normals(mesh: Mesh, facing: Array, flat: Array, say: Any) -> None:
     if mesh.normals is None:
         return
