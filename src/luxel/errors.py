@@ -11,6 +11,10 @@ class InputError(LuxelError, ValueError):
     """An argument has the wrong shape, dtype, range or name."""
 
 
+class DarkError(InputError):
+    """Nothing in a scene shines, so there is no light to bake."""
+
+
 class FileError(LuxelError):
     """A file cannot be read or written: `where` names it and, if known, the line, accessor or byte.
 

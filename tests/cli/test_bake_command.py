@@ -14,7 +14,7 @@ import pytest
 
 import luxel
 from luxel.cli import main
-from luxel.cli.bake import _shares, _Watch
+from luxel.cli.watch import Watch, shares
 from luxel.io.images import read_image, write_exr, write_png
 from luxel.scene import Light
 from luxel.scene.builtin import cornell_box
@@ -249,7 +249,7 @@ def test_white_of_a_number_is_the_number(capsys, box, tmp_path):
 def test_the_bar_is_not_full_before_the_end(box, quality):
     """It never goes back, and the last bounce, when all light is shot, has a part of it."""
     done, unshot = [], []
-    watch = _Watch(lambda bar, label: done.append(bar), None, 1e-3, _shares({"quality": quality, "sky": None}), lambda _: None)
+    watch = Watch(lambda bar, label: done.append(bar), None, 1e-3, shares({"quality": quality, "sky": None}), lambda _: None)
     luxel.bake(box, quality=quality, density=25, progress=lambda left, state: (unshot.append(left), watch(left, state)))
     assert all(0 <= a <= b + 1e-12 <= 1 + 1e-9 for a, b in pairwise(done))
     assert done[-1] == pytest.approx(1.0)

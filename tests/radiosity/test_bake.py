@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 import luxel
 from luxel import Camera, InputError, Light, LuxelWarning, Mesh, Scene
+from luxel.errors import DarkError
 from luxel.radiosity.bake import bake
 from luxel.radiosity.diagnosis import estimate
 from luxel.radiosity.solve import State
@@ -170,7 +171,7 @@ def test_a_checkpoint_that_cannot_be_written_does_not_lose_the_light(lamp_room, 
 def test_a_room_turned_inside_out_is_said_to_be():
     scene = box(matte(0.5), inward=False)
     box(matte(0.5, 1.0), (0.4, 0.4, 0.4), (0.6, 0.6, 0.6), scene, inward=False)
-    with pytest.raises(InputError, match=r"nothing shines: all .* normals .* inverted"):
+    with pytest.raises(DarkError, match=r"nothing shines: all .* normals .* inverted"):
         bake(scene, density=10, quality="draft")
 
 
@@ -242,7 +243,7 @@ def test_thousands_of_tiny_charts_are_lit_like_any_other():
 
 
 def test_no_light_and_no_surface_are_errors():
-    with pytest.raises(InputError, match="nothing shines"):
+    with pytest.raises(DarkError, match="nothing shines"):
         bake(box(matte(0.5)), density=4)
     with pytest.raises(InputError, match=r"no surface|no triangles|surface"):
         bake(Scene(lights=[Light()]), density=4)

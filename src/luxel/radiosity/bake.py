@@ -21,7 +21,7 @@ import numpy as np
 from luxel import jit
 from luxel.arrays import Array
 from luxel.clock import Clock
-from luxel.errors import FileError, InputError, LuxelWarning
+from luxel.errors import DarkError, FileError, InputError, LuxelWarning
 from luxel.radiosity import checkpoint as saving
 from luxel.radiosity import lightmap
 from luxel.radiosity.diagnosis import Shooters, check_memory, work_of
@@ -186,8 +186,9 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
             same but for rounding.
 
     Raises:
-        InputError: Nothing shines, there is no surface, or a value cannot be worked with; the checkpoint is of another bake; so many luxels do
-            not fit in the memory that is free.
+        DarkError: Nothing shines.
+        InputError: There is no surface, or a value cannot be worked with; the checkpoint is of another bake; so many luxels do not fit in the
+            memory that is free.
         DeviceError: Device "cuda", and there is no GPU, no driver, too old a card, or too little memory on it.
         ExtraMissingError: The scene needs texture coordinates and xatlas is not installed.
     """
@@ -264,7 +265,7 @@ def _check_light(prepared: _Prepared, lamps: Lamps) -> None:
     if prepared.cut.problem.lights is None and not len(lamps.table) and lamps.sky is None:
         hidden = "all that is emissive lies in solids, or the normals about it are inverted"
         dark = "what is emissive has no surface, or its pictures are black"
-        raise InputError(f"bake: nothing shines: {hidden if prepared.luxels.emission.any() else dark}")
+        raise DarkError(f"bake: nothing shines: {hidden if prepared.luxels.emission.any() else dark}")
 
 
 def _tell_of_loss(state: State) -> None:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from luxel.arrays import Array
-from luxel.errors import InputError
+from luxel.errors import DarkError, InputError
 from luxel.radiosity.direct import light_table, sky_table
 from luxel.radiosity.gather import Sight, View
 from luxel.radiosity.labour import Labour
@@ -38,13 +38,14 @@ def lamps_of(scene: Scene, sky: Any) -> Lamps:
         sky: Radiance, W/(m2 sr): a number, (3,), or an equirectangular (h, w, 3) picture; None: no sky.
 
     Raises:
-        InputError: The sky is nothing of these, a lamp or a material takes light away, or neither they nor the sky shine.
+        DarkError: Neither lamps, materials nor the sky shine.
+        InputError: The sky is nothing of these, or a lamp or a material takes light away.
     """
     table, radiance = light_table(scene.lights), _radiance(sky)
     _check_not_below_nothing(scene)
     if not radiance.any():
         if not len(table) and not any(max(scene.materials[mesh.material].emissive) > 0 for mesh in scene.meshes if mesh.material >= 0):
-            raise InputError("bake: nothing shines: expected an emissive material, a light or a sky")
+            raise DarkError("bake: nothing shines: expected an emissive material, a light or a sky")
         return Lamps(table, len(table), None)
     even, sun = split(radiance)
     suns = sky_table(sun, _SUN_DIRECTIONS) if (sun > 0).any() else table[:0]
