@@ -14,7 +14,8 @@ import pytest
 
 import luxel
 from luxel.cli import main
-from luxel.cli.watch import Watch, shares
+from luxel.cli.console import _Bar
+from luxel.cli.watch import Watch, shares, stages
 from luxel.io.images import read_image, write_exr, write_png
 from luxel.scene import Light
 from luxel.scene.builtin import cornell_box
@@ -255,6 +256,31 @@ def test_the_bar_is_not_full_before_the_end(box, quality):
     assert done[-1] == pytest.approx(1.0)
     shot = done[next(k for k, left in enumerate(unshot) if left <= 1e-3)]
     assert shot < 0.5 if quality == "final" else shot > 0.9
+
+
+def test_the_layout_shows_how_long_it_takes(monkeypatch):
+    now, shown = [100.0], []
+    monkeypatch.setattr("luxel.cli.watch.time", SimpleNamespace(monotonic=lambda: now[0]))
+    told = stages(lambda share, label: shown.append((share, label)))
+    for passed, share, doing in ((0, 0.0, "laying out"), (7, 0.5, "laying out"), (2, 0.0, "finding luxels"), (3, 0.0, "finding luxels")):
+        now[0] += passed
+        told(share, doing)
+    assert shown == [(0.0, "laying out, 0 s"), (0.5, "laying out, 7 s"), (0.0, "finding luxels, 0 s"), (0.0, "finding luxels, 3 s")]
+
+
+def test_a_bar_begins_anew_with_another_part_of_the_work(monkeypatch):
+    """And the time that is left is guessed from that part's own pace."""
+    monkeypatch.setattr("luxel.cli.console.PATIENCE", 0.0)
+    bar = _Bar("laying out", shown=True)
+    try:
+        for done in (0.2, 0.6, 0.9):
+            bar.report(done)
+        bar.report(0.1, "shooting")
+        task = bar.progress.tasks[0]
+        assert (task.completed, task.description) == (0.1, "shooting")
+        assert len(task._progress) <= 1  # samples of the pace
+    finally:
+        bar.close()
 
 
 def test_lamps_can_be_left_out(capsys, tmp_path):

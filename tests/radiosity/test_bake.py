@@ -175,6 +175,17 @@ def test_a_room_turned_inside_out_is_said_to_be():
         bake(scene, density=10, quality="draft")
 
 
+def test_what_is_done_before_there_is_light_is_told():
+    heard = []
+    bake(box(matte(0.5, GLOW)), density=4, quality="draft", preparing=lambda *told: heard.append(told), progress=lambda *_: heard.append(None))
+    before = heard[: heard.index(None)]
+    assert None not in before
+    assert all(0 <= share <= 1 for share, _ in before)
+    stages = list(dict.fromkeys(doing for _, doing in before))
+    assert stages == ["reading", "laying out the lightmap", "finding luxels", "finding luxels in solids", "cutting patches"]
+    assert all(told is None for told in heard[len(before) :])
+
+
 def test_what_takes_light_away_is_named():
     """Whether or not something else shines."""
     scene = box([matte(0.5, 1.0)] * 3 + [matte(0.5, (0.1, -0.2, 0.0), name="hole")] + [matte(0.5)] * 2)

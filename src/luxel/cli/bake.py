@@ -13,7 +13,7 @@ import typer
 from luxel.cli import values
 from luxel.cli.console import Console, Json, Quiet
 from luxel.cli.forecast import advice, check_room, check_targets, tell
-from luxel.cli.watch import Watch, draw, shares
+from luxel.cli.watch import Watch, draw, shares, stages
 from luxel.cli.written import Wishes, lit, save, say, shade
 from luxel.errors import FileError, InputError
 
@@ -180,10 +180,10 @@ def _bake(console: Console, comm: Comm, file: Path, wishes: Wishes, preview: Pat
     if options["resume"] and not state.exists():
         console.note(f"nothing to resume: there is no {state}; the bake starts anew")
     try:
-        with console.work("laying out the lightmap") as report:
+        with console.work("baking") as report:
             watch = Watch(report, preview, options["tolerance"] or 1e-3, shares(options), partial(check_room, wishes, options))
             compile_first(comm, lambda: _bake_little(options) if file.exists() else None)
-            baked = bake(file, progress=watch, comm=comm, **options)
+            baked = bake(file, progress=watch, preparing=stages(report), comm=comm, **options)
             shaded = shade(baked, wishes, comm, options["threads"])
             ranks = shares_of(comm)
             if comm.rank:

@@ -68,6 +68,7 @@ class Console:
 class _Bar:
     def __init__(self, label: str, shown: bool) -> None:
         self.label, self.shown, self.start = label, shown, time.monotonic()
+        self.done = 0.0
         self.progress: Any = None
         self.task: Any = None
 
@@ -83,6 +84,9 @@ class _Bar:
             self.progress = Progress(*columns, console=RichConsole(stderr=True), transient=True)
             self.task = self.progress.add_task(self.label, total=1.0)
             self.progress.start()
+        if done < self.done:  # something else has begun, whose pace is another
+            self.progress.reset(self.task)
+        self.done = done
         self.progress.update(self.task, completed=done, description=self.label)
 
     def close(self) -> None:

@@ -17,6 +17,19 @@ _REDRAW = 12  # a preview may take a part of the time like this
 _PASSING = 0.15  # of the time: lights shoot, and light goes from luxel to luxel
 
 
+def stages(report: Callable[..., None]) -> Callable[[float, str], None]:
+    """What to tell what is being done before there is light; the label has how long it has been, as its share is guessed, or not known."""
+    doing, since = "", 0.0
+
+    def told(share: float, what: str) -> None:
+        nonlocal doing, since
+        if what != doing:
+            doing, since = what, time.monotonic()
+        report(share, f"{what}, {time.monotonic() - since:.0f} s")
+
+    return told
+
+
 class Watch:
     """Shows how the unshot light falls, and draws previews as often as they cost little.
 

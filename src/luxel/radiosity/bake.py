@@ -65,6 +65,8 @@ _FEW_VALID, _MUCH_LOST = 0.5, 0.98
 
 _SAVE_EVERY = 30.0  # seconds
 
+_LAYING = "laying out the lightmap"
+
 
 @dataclass
 class Baked:
@@ -159,7 +161,8 @@ class Progress:
 def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None = None, page: int = 1024, sky: Any = None,
          tolerance: float | None = None, seconds: float | None = None, threads: int | None = None,
          progress: Callable[[float, Progress], None] | None = None, checkpoint: str | Path | None = None, resume: bool = False,
-         transport: bool = False, layers: bool = False, comm: Comm | None = None, device: str = "cpu") -> Baked:  # fmt: skip
+         transport: bool = False, layers: bool = False, comm: Comm | None = None, device: str = "cpu",
+         preparing: Callable[[float, str], None] | None = None) -> Baked:  # fmt: skip
     """Light a scene: diffuse light between all its surfaces, as a lightmap.
 
     What shines: emissive materials (their radiance), point, spot and directional lights, and the sky.
@@ -184,6 +187,7 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
         comm: `luxel.cluster.comm.world()`, or some of its ranks. The result does not depend on it.
         device: "cpu"; "cuda": a GPU does what is done for every element; or "auto": a GPU if one can be used and has the memory. The light is the
             same but for rounding.
+        preparing: Called before there is light, with what is being done, and the share of it that is probably done.
 
     Raises:
         DarkError: Nothing shines.
@@ -195,10 +199,10 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
     settings = _quality(quality, tolerance)
     labour = labour_of(threads, comm, device)
     progress = progress if labour.team.leads else None
-    clock = Clock()
-    lamps, atlas = labour.once(lambda: _laid_out(scene, sky, settings, density, page, labour, clock))
+    clock, tell = Clock(), preparing if preparing and labour.team.leads else _nobody
+    lamps, atlas = labour.once(lambda: _laid_out(scene, sky, settings, density, page, labour, clock, tell))
     rays = rays_of(settings, lamps.sky is not None)
-    prepared = _prepare(atlas, settings, rays, density, labour, clock)
+    prepared = _prepare(atlas, settings, rays, density, labour, clock, tell)
     problem, n = prepared.cut.problem, prepared.cut.problem.elements.numbers.shape[1]
     _check_light(prepared, lamps)
     keep = transport or layers
@@ -394,19 +398,28 @@ def _loaded(scene: Any) -> Scene:
     return load(scene)
 
 
-def _laid_out(scene: Any, sky: Any, settings: Quality, density: float | None, page: int, labour: Labour, clock: Clock) -> tuple[Lamps, Atlas]:
+def _nobody(share: float, doing: str) -> None:
+    """Is told, where nobody wants to be."""
+
+
+def _laid_out(scene: Any, sky: Any, settings: Quality, density: float | None, page: int, labour: Labour, clock: Clock,
+              tell: Callable[[float, str], None]) -> tuple[Lamps, Atlas]:  # fmt: skip
+    tell(0.0, "reading")
     scene = _loaded(scene)
     scene = replace(scene, meshes=[mesh if mesh.normals is not None else with_normals(mesh) for mesh in scene.meshes])  # smooth, but for creases
     clock.lap("load")
     lamps = lamps_of(scene, sky)
     if density is not None:
         check_memory(expected_luxels(scene, density), 0, rays_of(settings, lamps.sky is not None) // labour.team.size, density, labour.team.here)
-    atlas = unwrap(scene, density, page, threads=labour.threads)
+    tell(0.0, _LAYING)
+    atlas = unwrap(scene, density, page, threads=labour.threads, progress=lambda share: tell(share, _LAYING))
     clock.lap("unwrap")
     return lamps, atlas
 
 
-def _prepare(atlas: Atlas, settings: Quality, rays_each: int, density: float | None, labour: Labour, clock: Clock) -> _Prepared:
+def _prepare(atlas: Atlas, settings: Quality, rays_each: int, density: float | None, labour: Labour, clock: Clock,
+             tell: Callable[[float, str], None]) -> _Prepared:  # fmt: skip
+    tell(0.0, "finding luxels")
     luxels = find_luxels(atlas, labour.threads)
     if not len(luxels.area):
         raise InputError("bake: the scene has no surface")
@@ -420,11 +433,13 @@ def _prepare(atlas: Atlas, settings: Quality, rays_each: int, density: float | N
     finite = geometry.positions[np.isfinite(geometry.positions).all(1)]
     reach = 2.0 * float(np.linalg.norm(np.ptp(finite, axis=0)))
     sides = frames_of_texels(atlas, geometry, luxels)
+    tell(0.0, "finding luxels in solids")
     valid = _move_out(luxels, sides, rays, two_sided, reach, labour)
     if labour.team.leads and valid.mean() < _FEW_VALID:
         share = f"{1 - valid.mean():.0%} of the luxels see hardly anything but backs of surfaces"
         warnings.warn(f"{share}: are normals inverted? They stay dark", LuxelWarning, stacklevel=3)
     clock.lap("inside")
+    tell(0.0, "cutting patches")
     pieces = cut(luxels, sides, geometry, atlas.chart, valid, two_sided, masks, rays, settings, labour)
     clock.lap("patches")
     return _Prepared(atlas, luxels, geometry, valid, pieces, rays, two_sided, reach)
