@@ -343,6 +343,38 @@ def test_the_scene_itself_is_no_output(box, tmp_path, capsys):
     assert box.read_bytes() == before
 
 
+def test_nothing_that_is_read_or_written_is_lost_to_the_checkpoint(box, tmp_path, capsys, monkeypatch):
+    """The state is written over what is there, and removed in the end."""
+    monkeypatch.chdir(tmp_path)
+    before = box.read_bytes()
+    write_png(tmp_path / "sky.png", np.full((4, 8, 3), 200, np.uint8))
+    (tmp_path / "notes").write_text("dear diary")
+    out = ("-o", "lit.glb", *QUICK)
+    assert "--checkpoint: box.glb is the scene itself: expected another file" in error_of(capsys, "box.glb", *out, "--checkpoint", "box.glb")
+    assert "lit.glb is what --output writes: expected another file" in error_of(capsys, "box.glb", *out, "--checkpoint", tmp_path / "lit.glb")
+    assert "--preview: sky.png is --sky itself" in error_of(capsys, "box.glb", *out, "--sky", "sky.png", "--preview", "sky.png")
+    assert "--checkpoint: notes is something else, and would be lost" in error_of(capsys, "box.glb", *out, "--checkpoint", "notes")
+    assert sorted(os.listdir()) == ["box.glb", "notes", "sky.png"]
+    assert box.read_bytes() == before
+    assert (tmp_path / "notes").read_text() == "dear diary"
+    for resumes in ((), ("--resume",), ()):
+        assert not bake(capsys, "box.glb", *out, "--checkpoint", "state", "--seconds", "1e-9", *resumes)["finished"]
+
+
+def test_an_earlier_bake_s_state_is_not_taken_for_this_one_s(box, tmp_path, capsys, monkeypatch):
+    words = (box, "-o", tmp_path / "lit.glb", *QUICK)
+    assert not bake(capsys, *words, "--seconds", "1e-9")["finished"]
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("luxel.radiosity.bake.find_luxels", interrupted)
+    for resumes, said in (((), "there was no light yet, so nothing is kept"), (("--resume",), "--resume goes on")):
+        assert main(["bake", *map(str, words), *resumes]) == 130
+        assert said in capsys.readouterr().err
+    assert (tmp_path / "lit.glb.state").exists()
+
+
 def test_triangles_without_area_are_told(tmp_path, capsys):
     scene = cornell_box()
     scene.meshes[0].triangles = np.concatenate([scene.meshes[0].triangles, [[0, 0, 1]]]).astype(np.int32)

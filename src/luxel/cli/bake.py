@@ -12,7 +12,7 @@ import typer
 
 from luxel.cli import values
 from luxel.cli.console import Console, Json, Quiet
-from luxel.cli.forecast import advice, check_room, check_targets, tell
+from luxel.cli.forecast import advice, check_apart, check_room, check_targets, tell
 from luxel.cli.watch import Watch, draw, shares, stages
 from luxel.cli.written import Wishes, lit, save, say, shade
 from luxel.errors import FileError, InputError
@@ -102,8 +102,8 @@ def bake(
     comm = world()
     with comm.guard():
         output = output or Path(f"{file.stem}_lit.glb")
-        if output.exists() and file.exists() and output.samefile(file):
-            raise InputError(f"--output: {file} is the scene itself: expected another file, as what is lit cannot be lit again as it was")
+        state = checkpoint or output.with_name(f"{output.name}.state")
+        check_apart({"the scene": file, "--sky": sky}, {"--output": output, "--checkpoint": state, "--preview": preview})
         above = "a number above 0"
         options: dict[str, Any] = {
             "quality": values.choice(quality, _QUALITIES, "--quality"),
@@ -113,7 +113,7 @@ def bake(
             "seconds": None if seconds_ is None else values.number(seconds_, "--seconds", above, lambda x: x > 0),
             "threads": None if threads is None else values.whole(threads, "--threads", 1),
             "device": "cpu" if device is None else values.choice(device, ("cpu", "cuda", "auto"), "--device"),
-            "checkpoint": checkpoint or output.with_name(f"{output.name}.state"),
+            "checkpoint": state,
             "resume": resume,
         }
         wishes = Wishes(
@@ -177,6 +177,7 @@ def _bake(console: Console, comm: Comm, file: Path, wishes: Wishes, preview: Pat
 
     start = time.perf_counter()
     state: Path = options["checkpoint"]
+    earlier = None if options["resume"] or not state.exists() else state.stat().st_mtime_ns
     if options["resume"] and not state.exists():
         console.note(f"nothing to resume: there is no {state}; the bake starts anew")
     try:
@@ -196,7 +197,8 @@ def _bake(console: Console, comm: Comm, file: Path, wishes: Wishes, preview: Pat
                 written.append(preview)
     except KeyboardInterrupt:
         goes_on = f"what is done is kept in {state}; the same command with --resume goes on"
-        console.note(goes_on if state.exists() else "there was no light yet, so nothing is kept")
+        kept = state.exists() and state.stat().st_mtime_ns != earlier
+        console.note(goes_on if kept else "there was no light yet, so nothing is kept")
         raise
     except FileError:
         if watch.refused and not options["resume"]:

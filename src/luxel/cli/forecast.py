@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from luxel.cli import values
 from luxel.cli.console import Console
+from luxel.cli.watch import stages
 from luxel.errors import DarkError, InputError
 
 if TYPE_CHECKING:
@@ -34,15 +35,32 @@ def advice() -> Iterator[None]:
         raise DarkError(f"{error}; --sky 1 lights it from all around") from error
 
 
+def check_apart(read: Mapping[str, Path | str | None], written: Mapping[str, Path | None]) -> None:
+    """Refuse names of one file for two things: what is read would be lost, or what is written."""
+    others = {name: Path(path) for name, path in read.items() if path is not None}
+    for name, path in written.items():
+        if path is None:
+            continue
+        for other, its in others.items():
+            if its.resolve() == path.resolve() or (its.exists() and path.exists() and its.samefile(path)):
+                itself = f"is {other} itself" if other in read else f"is what {other} writes"
+                raise InputError(f"{name}: {path} {itself}: expected another file")
+        others[name] = path
+
+
 def check_targets(wishes: Wishes, preview: Path | None, options: dict[str, Any]) -> None:
     """Everything that would keep the result from being written, before anything is computed."""
+    from luxel.radiosity.checkpoint import is_checkpoint
     from luxel.radiosity.output import check_writable
 
     values.output(wishes.output, SCENES)
     if wishes.exr or wishes.layers or wishes.convention == "sidecar":
         values.output(wishes.output.with_suffix(".exr"), (".exr",))
     check_writable(wishes.output)
-    check_writable(options["checkpoint"])
+    state: Path = options["checkpoint"]
+    check_writable(state)
+    if state.exists() and not is_checkpoint(state):
+        raise InputError(f"--checkpoint: {state} is something else, and would be lost: expected a new file's name, or an earlier checkpoint")
     if preview is not None:
         check_writable(values.output(preview, PICTURES, "--preview"))
 
@@ -86,8 +104,8 @@ def tell(console: Console, comm: Comm, file: Path, options: dict[str, Any]) -> N
     if density is not None:
         fits(expected_luxels(scene, density), 0)
     with console.work("laying out") as report:
-        start = time.perf_counter()
-        atlas = unwrap(scene, density, options["page"], threads=threads, progress=report)
+        start, told = time.perf_counter(), stages(report)
+        atlas = unwrap(scene, density, options["page"], threads=threads, progress=lambda share: told(share, "laying out"))
         found = diagnose(atlas, threads, rays, work, shooters, time.perf_counter() - start)
     refused = _refusal(partial(lamps_of, scene, options["sky"])) or _refusal(partial(fits, found.sides, found.triangles))
     data = {**found._asdict(), "density": found.density._asdict(), "faults": found.faults(), "serves": found.serves}

@@ -50,6 +50,15 @@ def save(path: Path, key: str, state: State) -> None:
         np.savez(file, version=np.array(_version()), key=np.array(key), counts=np.array([state.lights_left, state.shots]), ledger=ledger, **arrays)
 
 
+def is_checkpoint(path: Path) -> bool:
+    """Whether a file is a checkpoint of some bake, by any version; one that is damaged may be told from others no more, and is none."""
+    try:
+        with open(path, "rb") as file, np.load(file, allow_pickle=False) as kept:
+            return {"key", "counts", "ledger"} <= set(getattr(kept, "files", ()))
+    except (OSError, ValueError, KeyError, EOFError, BadZipFile):
+        return False
+
+
 def load(path: Path, key: str, fresh: State) -> State | None:
     """The state kept in a file; None if there is no file.
 

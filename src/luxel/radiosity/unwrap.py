@@ -22,6 +22,8 @@ from luxel.scene.scene import Instance, Scene
 LUXELS = 250_000
 """About how many luxels a scene gets if no density is given."""
 
+_DENSEST = 1e9  # texels per metre
+
 _SHRUNK = 0.98  # of the density wanted: a chart that has less was too large for its page
 
 _VERTEX_ARRAYS = ("positions", "normals", "texcoords", "texcoords1", "colors", "tangents")
@@ -129,8 +131,9 @@ def densities(scene: Scene, meshes: list[Mesh], surfaces: list[Surface], density
         density = float(np.sqrt(LUXELS / area)) if area > 0 else 1.0
     by_name: dict[str, Any] = dict(density) if isinstance(density, Mapping) else {"": density}
     for name, value in by_name.items():
-        if isinstance(value, bool) or not isinstance(value, (int, float, np.number)) or not 0 < value < 1e9:
-            raise InputError(f"density{f' of {name!r}' if name else ''}: expected texels per metre above 0, got {value!r}")
+        if isinstance(value, bool) or not isinstance(value, (int, float, np.number)) or not 0 < value < _DENSEST:
+            of = f" of {name!r}" if name else ""
+            raise InputError(f"density{of}: expected texels per metre above 0 and below {_DENSEST:g}, got {value!r}")
     names = [scene.materials[mesh.material].name if mesh.material >= 0 else "" for mesh in meshes]
     unknown = set(by_name) - {m.name for m in scene.materials} - {""}
     missing = set(names) - set(by_name) if "" not in by_name else set()
