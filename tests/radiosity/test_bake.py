@@ -381,3 +381,35 @@ def test_a_disc_does_not_shine_on_its_own_back(height):
     still = baked.transport
     assert baked.ledger[-1].absorbed.max() < 1e-6 * baked.ledger[-1].emitted.max()
     assert not still.exchange.any() or np.abs(still.exchange).max() < 1e-6
+
+
+def walled(lamp):
+    """A floor of 192 x 96 luxels, and where columns 96 and 97 meet a wall without thickness, wider than the floor; a lamp on one side."""
+    corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+    scene = Scene()
+
+    def add(origin, u, v, texel, texels, material):
+        texcoords = (corners * texels + texel) / 256
+        positions = np.array(origin) + corners[:, :1] * np.array(u) + corners[:, 1:] * np.array(v)
+        scene.add(Mesh(positions.astype(np.float32), np.array([[0, 1, 2], [0, 2, 3]], np.int32), texcoords1=texcoords.astype(np.float32)), material)
+
+    add((0, 0, 2), (4, 0, 0), (0, 0, -2), (0, 0), (192, 96), matte(0.5))
+    add((2, 0, 3), (0, 0, -4), (0, 3, 0), (0, 104), (96, 72), matte(0.5, double_sided=True))
+    if lamp == "surface":
+        add((0.6, 2, 0.6), (0.8, 0, 0), (0, 0, 0.8), (200, 0), (16, 16), matte(0.5, 10.0))
+    else:
+        scene.lights.append(Light("point", (1, 1, 1), 10.0, look_at((1, 2, 1), (1, 0, 1), (0, 0, 1))))
+    return scene
+
+
+@pytest.mark.parametrize("quality", ["draft", "normal"])
+@pytest.mark.parametrize("lamp", ["surface", "point"])
+def test_no_light_passes_below_a_wall_without_thickness(lamp, quality):
+    """Though a hemicube's pixels are larger than the luxels, and some of those about a luxel behind the wall show the floor before it."""
+    baked = bake(walled(lamp), page=256, quality=quality)
+    assert baked.atlas.reused
+    ground, x = baked.luxels.face_normal[:, 1] > 0.5, baked.luxels.position[:, 0]
+    before, behind = ground & (np.abs(x - 1.98) < 0.02), ground & (x > 2)
+    assert baked.irradiance[before].min() > 0.5
+    assert not baked.direct[behind].any()
+    assert baked.irradiance[behind].max() < 2e-3 * baked.irradiance[before].min()  # what is left unshot is spread evenly

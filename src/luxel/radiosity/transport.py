@@ -8,7 +8,9 @@ What elements near a light see of it is told by rays: they may see much of it wh
 
 Visibility is blended from the four pixels about the element. What is drawn in a pixel hides the element only if it is in front of the element's
 tangent plane there, in front of the element itself, and if its own plane parts the element from the shooter: so neither a flat surface nor one
-bent inwards shadows itself, nor do walls darken the corners between them, whatever the resolution, and there is no bias to tune.
+bent inwards shadows itself, nor do walls darken the corners between them, whatever the resolution, and there is no bias to tune. Where a
+pixel shows the element's own surface before the plane of an occluder (the floor before a wall), it says nothing of what is behind: there rays tell,
+so no light passes below walls, however thin.
 
 Form factors near a shooter are summed over the nodes of its tree, down to single elements, which up close are parallelograms under Lambert's
 formula; see `transfer`.
@@ -30,6 +32,7 @@ from luxel.radiosity.hemicube import FACES, ItemBuffers, delta_form_factors
 from luxel.radiosity.occlusion import Occlusion, occluded
 from luxel.radiosity.patches import Tree
 from luxel.radiosity.transfer import polygon_factor
+from luxel.raster.constants import NOTHING
 
 BLOCK = 128
 """Elements that a thread works on at a time; sums over rows are taken by so many."""
@@ -39,6 +42,7 @@ _PER_PI = _F(1 / np.pi)
 _FAR = _F(16.0)  # squared distance over squared radius beyond which a node is taken as a whole
 _FLAT = _F(9.0)  # squared distance over area within which an element is a parallelogram
 _SIDES_NEAR = _F(3.0)  # sides of an element from a shooter within which rays tell what it sees
+_LEVEL = _F(0.003)  # of a depth: what a pixel shows so near an element's tangent plane is the surface about the element
 _FLUSH = _F(1e-8)  # squared sine over a shooter's plane within which a receiver lies in it, but for rounding
 _BIAS = _F(1.0 - 1e-3)  # of a distance: rounding, and pixels' corners snapped
 DEEPEST = 64
@@ -261,8 +265,66 @@ def _parted(plane, x, y, z, center, margin):
     return (point < -margin and shooter > _F(0.0)) or (point > margin and shooter < _F(0.0))
 
 
+@jit.part
+def _beyond(plane, corner, k, depth, resolution, center, frame, near):
+    """Whether what pixel `k` of the four from `corner` on shows, at this depth, lies beyond the plane of an occluder, seen from the shooter."""
+    step, half = _F(2.0) / _F(resolution), _F(0.5)
+    row, ix = corner // resolution, corner % resolution + k % 2
+    face, iy = row // resolution, row % resolution + k // 2
+    x, y = (_F(ix) + half) * step - _F(1.0), _F(1.0) - (_F(iy) + half) * step
+    r = plane[0] * frame[0, 0] + plane[1] * frame[0, 1] + plane[2] * frame[0, 2]
+    u = plane[0] * frame[1, 0] + plane[1] * frame[1, 1] + plane[2] * frame[1, 2]
+    n = plane[0] * frame[2, 0] + plane[1] * frame[2, 1] + plane[2] * frame[2, 2]
+    if face == 0:
+        slope = r * x + u * y + n
+    elif face <= 2:
+        slope = u * x + n * y + (r if face == 1 else -r)
+    else:
+        slope = r * x + n * y + (u if face == 3 else -u)
+    shooter = plane[0] * center[0] + plane[1] * center[1] + plane[2] * center[2] - plane[3]
+    there = shooter + slope * near / depth
+    return there < -near if shooter > _F(0.0) else there > near
+
+
+@jit.part
+def _hidden(scene, center, x, y, z):
+    return occluded(scene, center[0], center[1], center[2], np.float64(x), np.float64(y), np.float64(z), -1, -1)
+
+
+@jit.part
+def _seen_by_rays(scene, center, numbers, j):
+    """How much of element `j` a shooter sees, by rays to two spots of it; to two more if it sees only one of them."""
+    seen, free = 0, np.int64(numbers[FREE, j])
+    for k in (0, 2, 1, 3):  # the first two lie across from each other
+        if k == 1 and seen != 1:
+            return _F(seen) * _F(0.5)
+        x, y, z = point_of(numbers, j, free_spot(free, k), LIFT)
+        seen += not _hidden(scene, center, x, y, z)
+    return _F(seen) * _F(0.25)
+
+
+@jit.part
+def _disputed(i, at, resolution, center, frame, near, c, depth, ids, planes, seen):
+    """Whether a pixel that sees element `i` shows the surface about it before an occluder that hides the element in another of the four pixels.
+
+    `seen` has a bit for each.
+    """
+    corner, size, last = np.int64(float_bits(c[CORNER + i])), np.int64(resolution), np.int32(NOTHING)
+    for h in range(4):
+        t = ids[at + np.uint64(h // 2) * np.uint64(resolution) + np.uint64(h % 2)]
+        if seen & (1 << h) or t == last:
+            continue
+        last = t
+        for k in range(4):
+            here = at + np.uint64(k // 2) * np.uint64(resolution) + np.uint64(k % 2)
+            own = abs(depth[here] - (c[_LIMIT + i] + _F(k % 2) * c[_LIMIT_X + i] + _F(k // 2) * c[_LIMIT_Y + i])) < _LEVEL * depth[here]
+            if own and seen & (1 << k) and not _beyond(planes[t], corner, k, depth[here], size, center, frame, near):
+                return True
+    return False
+
+
 @jit.inlined
-def _seen_fraction(i, at, resolution, center, near, c, depth, ids, planes):
+def _seen_fraction(i, j, at, resolution, center, frame, near, c, depth, ids, planes, scene, numbers):
     """How much of element `i`, 0..1, is seen by the four pixels from element `at` of the item buffer on."""
     limit, across, down, least = c[_LIMIT + i], c[_LIMIT_X + i], c[_LIMIT_Y + i], c[_LEAST + i]
     below, one = at + np.uint64(resolution), np.uint64(1)
@@ -282,6 +344,11 @@ def _seen_fraction(i, at, resolution, center, near, c, depth, ids, planes):
         s1 = s1 or not (t1 == t0 if not s0 and t0 == t1 else _parted(planes[t1], x, y, z, center, near))
         s2 = s2 or not (t2 == t0 if not s0 and t0 == t2 else _parted(planes[t2], x, y, z, center, near))
         s3 = s3 or not (t3 == t1 if not s1 and t3 == t1 else _parted(planes[t3], x, y, z, center, near))
+    seen = (1 if s0 else 0) | (2 if s1 else 0) | (4 if s2 else 0) | (8 if s3 else 0)
+    if seen == 0 or seen == 15:
+        return _F(1.0) if seen else _F(0.0)
+    if _disputed(i, at, resolution, center, frame, near, c, depth, ids, planes, seen):
+        return _seen_by_rays(scene, center, numbers, j)
     wx, wy = c[_WX + i], c[_WY + i]
     upper = (_F(1.0) - wx if s0 else _F(0.0)) + (wx if s1 else _F(0.0))
     lower = (_F(1.0) - wx if s2 else _F(0.0)) + (wx if s3 else _F(0.0))
@@ -312,11 +379,6 @@ def _near_fraction(node, rays, tree, source, scene, numbers, j, stack, corners):
     return seen / whole if whole > _F(0.0) else _F(0.0)
 
 
-@jit.part
-def _hidden(masked, center, x, y, z):
-    return occluded(masked, center[0], center[1], center[2], np.float64(x), np.float64(y), np.float64(z), -1, -1)
-
-
 @jit.inlined
 def _may_meet(box, center, x, y, z):
     """Whether the segment from a shooter to a point may meet a box (its two corners): not if both ends are beyond one of its sides."""
@@ -325,7 +387,7 @@ def _may_meet(box, center, x, y, z):
 
 
 @jit.inlined
-def share_of(i, j, at, node, resolution, center, near, c, tree, source, seen, masked, scene, rays, always, numbers, stack, corners):
+def share_of(i, j, at, node, resolution, center, frame, near, c, tree, source, seen, masked, scene, rays, always, numbers, stack, corners):
     """The entry in the row of a shooter, `node` of its tree, for element `j`, which is number `i` in the scratch and in front of it; its four
     pixels begin at `at`. `tree` are span, child and place, `seen` the depth and ids of hemicubes, and the planes of what is drawn there."""
     span, child, place = tree
@@ -336,7 +398,7 @@ def share_of(i, j, at, node, resolution, center, near, c, tree, source, seen, ma
     elif rays > 0 and c[_R2 + i] < (_SIDES_NEAR * math.sqrt(numbers[AREA, j]) + place[node, 3]) ** 2:
         v = _near_fraction(node, rays, tree, source, scene, numbers, j, stack, corners)
     else:
-        v = _seen_fraction(i, at, resolution, center, near, c, depth, ids, planes)
+        v = _seen_fraction(i, j, at, resolution, center, frame, near, c, depth, ids, planes, scene, numbers)
         if v > _F(0.0) and len(masked.link) > 0 and _may_meet(masked.box[0], center, x, y, z) and _hidden(masked, center, x, y, z):
             return np.uint16(0)
     if v == _F(0.0):
@@ -383,7 +445,8 @@ def _fill_rows(queue, numbers, bounds, span, child, place, source, nodes, center
                 i = listed[k]
                 at = np.uint64(start[s]) + np.uint64(float_bits(c[CORNER + i]))
                 j = np.uint64(first) + i
-                half = share_of(i, j, at, node, resolution, center, near, c, tree, source, seen, masked, scene, rays, always, numbers, stack, corners)
+                half = share_of(i, j, at, node, resolution, center, frames[s], near, c, tree, source, seen, masked, scene, rays, always, numbers,
+                                stack, corners)  # fmt: skip
                 row[j] = half
                 total += np.float64(decoded(half)) * np.float64(numbers[AREA, j])
             sums[s, block] = total

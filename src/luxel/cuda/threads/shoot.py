@@ -203,8 +203,8 @@ def fill_entry(j, s, receivers, shots, cubes, rows, c, stack, corners):
         if float_bits(c[IN_FRONT]) != 0:
             at = np.uint64(s * cubes.keys.shape[1]) + np.uint64(float_bits(c[CORNER]))
             tree, seen = (shots.span, shots.child, shots.place), (cubes.depth, cubes.ids, cubes.planes)
-            half = share_of(_FIRST, j, at, node, cubes.resolution, center, cubes.near, c, tree, shots.source, seen, receivers.masked, receivers.scene,
-                            receivers.rays, receivers.always, numbers, stack, corners)  # fmt: skip
+            half = share_of(_FIRST, j, at, node, cubes.resolution, center, cubes.frames[s], cubes.near, c, tree, shots.source, seen, receivers.masked,
+                            receivers.scene, receivers.rays, receivers.always, numbers, stack, corners)  # fmt: skip
     rows[shots.slots[s], j] = half
 
 
