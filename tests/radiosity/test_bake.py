@@ -48,6 +48,18 @@ def test_a_furnace_of_one_mesh_without_normals_has_the_same_light():
     np.testing.assert_allclose(inward.irradiance, 2.0, rtol=0.01)
 
 
+def test_a_furnace_whose_normals_are_averaged_at_its_corners_has_the_same_light():
+    """Normals of the file that lean over right angles are for shading only."""
+    corners = np.array(list(itertools.product((0, 1), repeat=3)), np.float32)
+    sides = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    triangles = np.array([t for a, b, c, d in sides for t in ((a, c, b), (a, d, c))])
+    scene = Scene()
+    scene.add(Mesh(corners, triangles, normals=((0.5 - corners) * np.float32(2 / np.sqrt(3))).astype(np.float32)), matte(0.5, GLOW))
+    inward = bake(scene, density=16)
+    np.testing.assert_allclose(inward.irradiance, 2.0, rtol=0.01)
+    np.testing.assert_allclose(mean(inward), 2.0, rtol=0.002)
+
+
 def check_ledger(baked, escaped=1e-9):
     """It adds up at every step, and what escapes is below a share: in closed scenes, of patches whose hemicube and luxels disagree a lot."""
     for step in baked.ledger:

@@ -9,6 +9,7 @@ from laid import laid_out, rectangle
 
 from luxel import Instance, LuxelWarning, Material, Mesh, Scene, Texture, TextureRef
 from luxel.radiosity import texture_space
+from luxel.radiosity.edges import _chart_edges
 from luxel.radiosity.luxels import find_luxels, surface_areas
 from luxel.radiosity.unwrap import Atlas, unwrap
 from luxel.raster.geometry import flatten
@@ -243,6 +244,17 @@ def test_normals_that_lean_over_are_replaced():
     assert np.array_equal(luxels.normal, np.tile([0, 0, 1], (4, 1)))
     slanted = find_luxels(laid_out([rectangle(0, 0, 2, 2, normals=np.tile([0.6, 0, 0.8], (4, 1)))], (4, 4)))
     assert np.allclose(slanted.normal, [0.6, 0, 0.8])
+
+
+@pytest.mark.parametrize(("degrees", "kept"), [(22.5, True), (39, True), (41, False), (54.7, False)])
+def test_only_normals_of_curved_surfaces_bend_the_light(degrees, kept):
+    """A corner that leans as over a right angle makes its triangle flat, for luxels and for seams; an octagon's stay."""
+    lean = np.radians(degrees)
+    normals = np.array([[np.sin(lean), 0, np.cos(lean)]] + [[0, 0, 1.0]] * 3)
+    atlas = laid_out([rectangle(0, 0, 4, 4, normals=normals)], (8, 8))
+    luxels, bordering = find_luxels(atlas), _chart_edges(atlas)
+    assert (luxels.normal == luxels.face_normal).all() != kept
+    assert np.allclose(bordering.normal, [0, 0, 1]) != kept
 
 
 def test_nothing_has_no_luxels():

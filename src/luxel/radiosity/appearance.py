@@ -26,6 +26,11 @@ LEAST_SHARE = 0.5 / _SIDE**2
 """A luxel is a hole if its share is less: if none of the places where its mask is looked up is solid."""
 
 
+MOST_LEAN = 0.766
+"""Cosine of 40 degrees: normals of a triangle's corners that lean farther from its own are smooth over edges that are none of a curved surface, as of
+a cube whose faces share their corners, and would take light from where the surface does not face."""
+
+
 class Appearance(NamedTuple):
     """Of n luxels: position, normal, face_normal, albedo, emission (n, 3) float32, and share (n,) float32: what alpha masks leave of it."""
 
@@ -55,6 +60,13 @@ def texture_place(g, i, row, x_row, y_row, texcoords, a, b, c, s1, s2, gradient)
 
 
 @jit.part
+def _leans(normals, v, fx, fy, fz):
+    """Whether the normal of vertex `v` leans too far from the unit normal f of one of its triangles."""
+    nx, ny, nz = np.float64(normals[v, 0]), np.float64(normals[v, 1]), np.float64(normals[v, 2])
+    return not nx * fx + ny * fy + nz * fz > MOST_LEAN * math.sqrt(nx * nx + ny * ny + nz * nz)
+
+
+@jit.part
 def lay(luxel, a, b, c, s1, s2, positions, normals, position, normal, face):
     """Position and normals of one luxel."""
     u = (np.float64(positions[b, 0]) - positions[a, 0], np.float64(positions[b, 1]) - positions[a, 1], np.float64(positions[b, 2]) - positions[a, 2])
@@ -64,11 +76,11 @@ def lay(luxel, a, b, c, s1, s2, positions, normals, position, normal, face):
     fx, fy, fz = fx * f, fy * f, fz * f
     nx, ny, nz = mixed(normals, 0, a, b, c, s1, s2), mixed(normals, 1, a, b, c, s1, s2), mixed(normals, 2, a, b, c, s1, s2)
     size = math.sqrt(np.float64(nx) * nx + np.float64(ny) * ny + np.float64(nz) * nz)
-    facing = (nx * fx + ny * fy + nz * fz) / max(size, 1e-30)
+    leans = _leans(normals, a, fx, fy, fz) or _leans(normals, b, fx, fy, fz) or _leans(normals, c, fx, fy, fz)
     for k in range(3):
         position[luxel, k] = _F(positions[a, k] + s1 * u[k] + s2 * v[k])
     face[luxel, 0], face[luxel, 1], face[luxel, 2] = _F(fx), _F(fy), _F(fz)
-    if facing > 1e-3:  # a normal that leans over the edge of its own triangle, or is none, is of no use
+    if size > 0.0 and not leans:
         normal[luxel, 0], normal[luxel, 1], normal[luxel, 2] = _F(nx / size), _F(ny / size), _F(nz / size)
     else:
         normal[luxel, 0], normal[luxel, 1], normal[luxel, 2] = _F(fx), _F(fy), _F(fz)

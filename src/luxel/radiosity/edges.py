@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from luxel.arrays import Array
+from luxel.radiosity.appearance import MOST_LEAN
 from luxel.raster.geometry import Geometry, flatten
 from luxel.scene.coincidence import mixed
 
@@ -113,7 +114,11 @@ def _edges(geometry: Geometry, corners: Array, third: Array, page: Array, key: A
     inward = geometry.positions[third].astype(np.float64) - place[:, 0]
     inward = _unit(inward - (inward * direction).sum(1, keepdims=True) * direction)
     uv = geometry.texcoords1[corners].astype(np.float64)
-    return Edges(place, uv, _unit(geometry.normals[corners].astype(np.float64)), page, inward, key)
+    normal = _unit(geometry.normals[corners].astype(np.float64))
+    face = np.cross(direction, inward)
+    triangle = np.concatenate([corners, third[:, None]], 1)
+    lean = (_unit(geometry.normals[triangle].astype(np.float64)) * face[:, None]).sum(2).min(1)
+    return Edges(place, uv, np.where((lean > MOST_LEAN)[:, None, None], normal, face[:, None]), page, inward, key)  # as luxels have them
 
 
 def _unit(vectors: Array) -> Array:
