@@ -43,7 +43,17 @@ def sky() -> np.ndarray:
     return picture
 
 
+def beam() -> Scene:
+    """Lit by what a beam throws on a wall."""
+    scene = cornell_box()
+    scene.lights = [Light("spot", intensity=500.0, outer_cone=0.15, name="beam")]
+    scene.lights[-1].world_from_light = np.diag([-1.0, 1.0, -1.0, 1.0])  # towards the back
+    scene.lights[-1].world_from_light[:3, 3] = 0.28, 0.25, 0.2
+    return scene
+
+
 CASES = {
+    "beam": (beam, {"density": 24, "transport": True, "layers": True}),
     "cornell": (cornell_box, {"density": 24}),
     "lamps": (lamps, {"density": 9, "layers": True, "transport": True}),
     "sky": (cornell_box, {"density": 16, "sky": sky(), "layers": True}),
@@ -56,7 +66,7 @@ def bytes_of(baked: Baked) -> Iterator[tuple[str, bytes]]:
     yield "ledger", b"".join(np.concatenate([[step.shots], *step[1:]]).tobytes() for step in baked.ledger)
     yield from ((name, layer.tobytes()) for name, layer in baked.layers.items())
     if baked.transport is not None:
-        for name in ("hits", "rows", "touched", "exchange", "still"):
+        for name in ("hits", "rows", "touched", "exchange", "still", "spot_element", "spot_rows", "spot_touched"):
             yield name, getattr(baked.transport, name).tobytes()
 
 

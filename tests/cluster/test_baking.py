@@ -18,11 +18,11 @@ from luxel.scene.builtin import cornell_box
 BAKING = Path(__file__).with_name("baking.py")
 CASES = {
     1: ("cornell:final",),
-    2: ("cornell:draft", "cornell:final", "cornell:progressive", "lamps:draft", "lamps:normal", "sky:normal"),
-    3: ("cornell:normal", "cornell:final", "lamps:progressive", "sky:draft", "sky:progressive"),
+    2: ("beam:draft", "cornell:draft", "cornell:final", "cornell:progressive", "lamps:draft", "lamps:normal", "sky:normal"),
+    3: ("beam:normal", "cornell:normal", "cornell:final", "lamps:progressive", "sky:draft", "sky:progressive"),
     4: ("cornell:progressive", "lamps:draft"),
     5: ("cornell:draft", "sky:final"),
-    7: ("cornell:final", "lamps:draft"),
+    7: ("beam:draft", "cornell:final", "lamps:draft"),
 }
 
 

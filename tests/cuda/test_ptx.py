@@ -40,8 +40,9 @@ def lit_box():
 def launched():
     """Every kernel, as it is compiled when it is first launched: by name."""
     bare = [luxel.Material(alpha_mode=mode) for mode in ("OPAQUE", "MASK", "BLEND")]
-    transport = bake(cornell_box(), density=2, transport=True).transport
     with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("luxel.radiosity.spots.bright", lambda *_: np.arange(2))
+        transport = bake(cornell_box(), density=2, transport=True).transport
         found = stub.install(patch, *MODULES)
         for made, shading, options in ((bare, None, {"filter": "tent"}), (bare, "gouraud", {}), (materials(), None, {"outputs": EVERYTHING})):
             for keep in (True, False):
@@ -50,10 +51,11 @@ def launched():
                 assert [picture.size for picture in pictures] == [(20, 10)] * 2
             draw_views(resident, [camera()], (1, 1), Options(**options), [None])
         solver = ResidentTransport(stub.Stub(), transport)
+        assert solver.spots
         solver.solve(transport.powers(transport.emission), None, transport.albedo, 1.0, 1.0)
         for seen, gathered, unlike in ((16, 16, 1.0), (16, 0, 1.0), (1, 1, 1.0), (1, 0, 1.0), (0, 0, 1.0)):
             patch.setattr("luxel.radiosity.bake.labour_of", lambda *_: GpuLabour(stub.Stub(), 1))
-            bake(lit_box(), density=2, sky=1.0, quality=Quality(4, 16, 1, seen, gathered, unlike))
+            bake(lit_box(), density=2, sky=1.0, quality=Quality(4, 16, 1, seen, gathered, unlike, spot_points=4))
         patch.setattr("luxel.cuda.form_factors.find", lambda *_: stub.Stub())
         luxel.form_factors([cornell_box().meshes[0]] * 2, device="cuda")
         luxel.form_factors([plain(0, 1).meshes[0]] * 2, device="cuda")

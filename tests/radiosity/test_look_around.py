@@ -184,7 +184,7 @@ class Compared(Labour):
 
     def look_closer(self, view, sight, light, unlike, told):
         closer = super().look_closer(view, sight, light, unlike, told)
-        self.seen = self.mean(sight, light), closer, super().gather(view, light, 4096, told)
+        self.seen = self.pass_on(sight, light), closer, super().gather(view, light, 4096, told)
         return closer
 
 

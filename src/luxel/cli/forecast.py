@@ -99,14 +99,14 @@ def tell(console: Console, comm: Comm, file: Path, options: dict[str, Any]) -> N
     scene, settings, density, threads = load(file), QUALITIES[options["quality"]], options["density"], options["threads"]
     settings = settings._replace(tolerance=options["tolerance"] or settings.tolerance)
     sky = options["sky"] is not None and bool(np.any(options["sky"]))
-    rays, work, shooters = effort(settings, sky, _glows(scene))
-    fits = partial(check_memory, rays=rays // comm.size, density=density, here=comm.here)
+    rays, work, shooters, spots = effort(settings, sky, _glows(scene))
+    fits = partial(check_memory, rays=rays // comm.size, spots=spots // comm.size, density=density, here=comm.here)
     if density is not None:
         fits(expected_luxels(scene, density), 0)
     with console.work("laying out") as report:
         start, told = time.perf_counter(), stages(report)
         atlas = unwrap(scene, density, options["page"], threads=threads, progress=lambda share: told(share, "laying out"))
-        found = diagnose(atlas, threads, rays, work, shooters, time.perf_counter() - start)
+        found = diagnose(atlas, threads, rays, work, shooters, spots, time.perf_counter() - start)
     refused = _refusal(partial(lamps_of, scene, options["sky"])) or _refusal(partial(fits, found.sides, found.triangles))
     data = {**found._asdict(), "density": found.density._asdict(), "faults": found.faults(), "serves": found.serves}
     console.result({"file": str(file), **data, "refused": None if refused is None else str(refused)}, found.text())

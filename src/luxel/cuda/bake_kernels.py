@@ -1,4 +1,4 @@
-"""The grids of `luxel.cuda.threads.look`, `shoot`, `settle` and `choose`: one thread a ray, an element, a pixel,
+"""The grids of `luxel.cuda.threads.look`, `shoot`, `settle`, `choose` and `spots`: one thread a ray, an element, a pixel,
 an entry of a row, or a share of a sum."""
 
 from __future__ import annotations
@@ -12,18 +12,22 @@ from luxel.cuda.door import cuda, kernel
 from luxel.cuda.grids import kernels
 from luxel.cuda.primitives import again
 from luxel.cuda.threads import choose as choose_source
+from luxel.cuda.threads import light as light_source
 from luxel.cuda.threads import look as look_source
 from luxel.cuda.threads import settle as settle_source
 from luxel.cuda.threads import shoot as shoot_source
+from luxel.cuda.threads import spots as spots_source
 
 
 def bodies(again: Callable[[str], Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     """What a thread does in kernels that need no memory of their own: lines and grids, as `luxel.cuda.grids.kernels` has them."""
-    look, settle, shoot, choose = (again(module.__name__) for module in (look_source, settle_source, shoot_source, choose_source))
+    sources = look_source, settle_source, shoot_source, choose_source, light_source, spots_source
+    look, settle, shoot, choose, light, spots = (again(module.__name__) for module in sources)
     lines = {
         "count_away": look.count_away, "gather_mean": look.gather_mean, "find_cells": look.find_cells, "shine": look.shine,
         "find_again": look.find_again,
         "receive_rows": shoot.receive, "send_unshot": settle.send, "share_sent": settle.share_sent, "find_scale": settle.find_scale,
+        "find_powers": spots.power_of, "hide_spots": spots.hide, "receive_spots": light.receive_element,
         "take_in": settle.take_in, "note_direct": settle.note_direct, "forget": settle.forget, "share_stock": settle.share_stock,
         "find_bright": choose.find_bright, "clear_winners": choose.clear_winner, "pick": choose.pick, "line_up": choose.line_up,
         "place_rows": choose.place_rows, "aim_shooters": choose.aim_shooter, "settle_rows": choose.settle_row, "sum_shots": choose.sum_shots,

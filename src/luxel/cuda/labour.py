@@ -72,7 +72,7 @@ class GpuLabour(Labour):
         self._sent: dict[Any, tuple[Array, Any]] = {}
         self._eyes: tuple[View, Eyes] | None = None
 
-    def fitting(self, problem: Problem, view: View, rays: tuple[int, int], rows: tuple[int, int]) -> Labour:
+    def fitting(self, problem: Problem, view: View, rays: tuple[int, int], rows: tuple[int, int, int]) -> Labour:
         """This, if a bake fits in the GPU's memory; else a DeviceError, or the processor."""
         n = view.numbers.shape[1]
         try:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from luxel.radiosity.gather import View
-from luxel.radiosity.hemicube import FACES
+from luxel.radiosity.hemicube import FACES, RESOLUTIONS
 from luxel.radiosity.sky import TOGETHER
 from luxel.radiosity.solve import BATCH, Problem, at_once
 from luxel.radiosity.transport import BLOCK
@@ -25,21 +25,22 @@ _LOOKS, _STATE, _STEP, _GATHERS = 36 + 8, 36 + 24, 12 + 12 + 16, 16 + 12
 _PATCH, _CHOSEN = 24 + 24 + 24 + 8, 8 + 4 + 4
 
 
-def needed(problem: Problem, view: View, rays: tuple[int, int], rows: tuple[int, int]) -> int:
+def needed(problem: Problem, view: View, rays: tuple[int, int], rows: tuple[int, int, int]) -> int:
     """Bytes that a bake takes of a GPU's memory, at most.
 
     Args:
         rays: Of each element: so many are kept, and so many are not.
-        rows: Of patches and of lights, that are kept.
+        rows: Of patches, of lights and of spots, that are kept.
     """
     n, patches = view.numbers.shape[1], len(problem.patches.tree.patches)
     blocks, shooting = -(-n // BLOCK), rows[0] > 0
     hits = 4 * n * rays[0] + 4 * min(n * rays[1], max(RAYS_AT_ONCE, rays[1]))
     cells = 8 * rays[0] * -(-n // TOGETHER)  # of the sky, before there is a state
     closer = 9 * rays[0] * -(-n // TOGETHER)  # of the last bounce, beside it
-    slots = rows[1] + BATCH + (rows[0] + BATCH if shooting else 0)
+    slots = rows[1] + BATCH + rows[2] + (rows[0] + BATCH if shooting else 0)
     batches = [(min(BATCH, len(problem.lights.tree.patches)), problem.lights.resolution)] if problem.lights else []
     batches += [(at_once(patches), problem.patches.resolution)] if shooting else []
+    batches += [(min(BATCH, rows[2]), RESOLUTIONS[-1])]
     cubes = sum((16 * shooters + 8) * FACES * size**2 + 8 * shooters * blocks for shooters, size in batches)
     kept = slots * (2 * n + blocks + 16)
     state = (_STATE + _STEP + _GATHERS) * n + (_PATCH + _CHOSEN) * patches

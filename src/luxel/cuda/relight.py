@@ -16,6 +16,7 @@ from luxel.arrays import Array
 from luxel.cuda.device import find, gpu
 from luxel.cuda.threads.light import PARTS, STRIPS, Groups
 from luxel.errors import DeviceError, LuxelWarning
+from luxel.radiosity.gather import Spots
 from luxel.radiosity.relight import Transport
 
 _F = np.float32
@@ -59,7 +60,9 @@ class ResidentTransport:
 
     def __init__(self, gpu: Any, transport: Transport, kernels: Any = None) -> None:
         t, self.gpu = transport, gpu
-        kept = sum(a.nbytes for a in (t.exchange, t.hits, t.rows, t.touched, t.luxel, t.front, t.area, t.still))
+        spots = t.spots or ()
+        kept = sum(a.nbytes for a in (t.exchange, t.hits, t.rows, t.touched, t.luxel, t.front, t.area, t.still, *spots))
+        kept += (12 * len(t.area) + 12 * len(t.spot_rows)) * bool(spots)
         gpu.expect(kept + _ELEMENT * len(t.area) + _LUXEL * len(t.emission) + _GROUP * len(t.starts) + (1 << 20), "the transport", "a coarser bake")
         if kernels is None:
             from luxel.cuda import light_kernels as kernels
@@ -76,6 +79,9 @@ class ResidentTransport:
         self.light, self.shining = gpu.empty((self.elements + 3, 4), _F), gpu.empty((self.elements + 3, 4), _F)
         self.change, self.totals = gpu.empty((self.elements,), _F), gpu.empty((2, PARTS), np.float64)
         self.powers = gpu.empty((len(t.rows), 3), _F)
+        self.spots = Spots(*map(gpu.array, spots)) if spots else None
+        if self.spots:
+            self.base, self.spot_powers = gpu.empty((3, self.elements), _F), gpu.empty((len(t.spot_rows), 3), _F)
         self.albedo, self.result = gpu.empty((self.luxels, 3), _F), gpu.array(np.zeros((self.luxels, 3), _F))
 
     def solve(self, powers: Array, shining: Array | None, albedo: Array, still: float, tolerance: float) -> Any:
@@ -103,10 +109,20 @@ class ResidentTransport:
         known = self.direct
         if shining is not None:
             known = self.known
-            gpu.launch(k.pass_on, e, self.hits, self.shining, self.direct, known, self.change)
+            self._pass_once(self.shining, self.direct, known)
         self._pass_on(known, tolerance)
         gpu.launch(k.scatter, e, self.luxel, self.front, self.received, self.result)
         return self.result
+
+    def _pass_once(self, light: Any, known: Any, received: Any) -> None:
+        """What elements receive of the `light` of all, which is changed, beside what is `known`."""
+        gpu, k, e, spots = self.gpu, self.kernels, (self.elements, 1), self.spots
+        if spots is not None:
+            gpu.launch(k.power_of_spots, (len(self.spot_powers), 1), spots, light, self.spot_powers)
+            gpu.launch(k.darken_spots, (len(spots.element), 1), spots, light)
+            gpu.launch(k.receive, e, known, _F(1.0), spots.rows, spots.touched, self.spot_powers, self.base)
+            known = self.base
+        gpu.launch(k.pass_on, e, self.hits, light, known, received, self.change)
 
     def _exchange(self) -> None:
         """What elements receive, when groups of them see each other as wholes: conjugate gradients."""
@@ -134,7 +150,7 @@ class ResidentTransport:
         gpu, k, e = self.gpu, self.kernels, (self.elements, 1)
         for _ in range(_MOST_PASSES):
             gpu.launch(k.send, e, self.luxel, self.albedo, self.received, self.light)
-            gpu.launch(k.pass_on, e, self.hits, self.light, known, self.received, self.change)
+            self._pass_once(self.light, known, self.received)
             gpu.launch(k.sum_changes, (PARTS, 1), self.received, self.change, self.totals)
             changed, whole = gpu.host(self.totals).sum(1)
             if changed <= tolerance * whole:

@@ -10,9 +10,10 @@ import numpy as np
 from luxel.arrays import Array
 from luxel.cuda.shooter import Shooter
 from luxel.cuda.threads.settle import ABSORBED, GONE, GOT, HERE, PARTS, POWER, SENT, SUMS
-from luxel.radiosity.gather import Sight
+from luxel.radiosity.gather import Sight, Spots
 from luxel.radiosity.labour import Labour
-from luxel.radiosity.solve import Problem, Rows, State, balance, patch_starts
+from luxel.radiosity.patches import patch_starts
+from luxel.radiosity.solve import Problem, Rows, State, balance
 
 if TYPE_CHECKING:
     from luxel.cuda.labour import GpuLabour
@@ -94,7 +95,10 @@ class GpuState(State):
         """As of `State`."""
         gpu, k, n = self.gpu, self.kernels, len(sight.away)
         gpu.launch(k.send_unshot, (n, 1), self.there["unshot"], self._sent)
-        gpu.launch(k.gather_mean, (n, 1), 0, sight.hits, self._sent, self._gained)
+        if sight.spots is None:
+            gpu.launch(k.gather_mean, (n, 1), 0, sight.hits, self._sent, self._gained)
+        else:
+            self._pass_on_in_parts(sight, self.labour.there(sight.spots))
         gpu.launch(k.share_sent, (self._shares.shape[1], 1), self._numbers, sight.away, self._sent, self._gained, self._shares)
         gpu.launch(k.add_up, (PARTS, ABSORBED), 0, self._shares, self._sums)
         gpu.launch(k.find_scale, (3, 1), self._sums, self._scale)
@@ -104,6 +108,16 @@ class GpuState(State):
         self.whole = False
         self._commit(sums, None)
         self.escaped = self.escaped + away
+
+    def _pass_on_in_parts(self, sight: Sight, spots: Spots) -> None:
+        """The light of spots by rows, and that of all others by rays."""
+        gpu, k, n, points = self.gpu, self.kernels, (len(sight.away), 1), (len(spots.element), 1)
+        powers = gpu.empty((len(spots.rows), 3), _F)
+        gpu.launch(k.find_powers, (len(powers), 1), spots, self._sent, powers)
+        gpu.launch(k.hide_spots, points, spots, self._sent)
+        gpu.launch(k.gather_mean, n, 0, sight.hits, self._sent, self._gained)
+        gpu.launch(k.receive_spots, n, self._gained, _F(1.0), spots.rows, spots.touched, powers, self._gained)
+        gpu.launch(k.send_unshot, n, self.there["unshot"], self._sent)  # for the sums
 
     def _step(self, gained: Any, scale: Any, keeps: bool, chosen: Any = None) -> Array:
         """What the state becomes when `gained` is taken in and the `chosen` patches have shot, into `_next`; returns all sums, (SUMS,)."""

@@ -11,7 +11,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,6 +27,7 @@ from luxel.radiosity import lightmap
 from luxel.radiosity.diagnosis import Shooters, check_memory, work_of
 from luxel.radiosity.elements import QUALITIES, Cut, Quality, cut, frames_of_texels
 from luxel.radiosity.gather import Lookup, Sight, View, element_pages, texel_maps
+from luxel.radiosity.hemicube import RESOLUTIONS
 from luxel.radiosity.inside import free_places, seen_backs
 from luxel.radiosity.labour import Labour
 from luxel.radiosity.lamps import Lamps, lamps_of
@@ -36,6 +37,8 @@ from luxel.radiosity.pages import triangle_pages
 from luxel.radiosity.rays import scene_masks
 from luxel.radiosity.relight import Transport, transport_of
 from luxel.radiosity.solve import Problem, Rows, Source, State, Step, ambient, complete, element_steps, light_steps, patch_steps, start
+from luxel.radiosity.spots import find_spots, spot_rows
+from luxel.radiosity.transport import ROW_BYTES
 from luxel.radiosity.unwrap import Atlas, expected_luxels, unwrap
 from luxel.raster.bin import BLEND
 from luxel.raster.geometry import Geometry, flatten
@@ -44,9 +47,6 @@ from luxel.scene.scene import Scene
 
 if TYPE_CHECKING:
     from luxel.cluster.comm import Comm
-
-_ROW_BYTES = 1 << 30
-"""Rows of transport are kept up to this."""
 
 _MOST_KEPT = 8 << 30
 """A transport may be so large."""
@@ -182,7 +182,8 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
         progress: Called after each batch of shots with the unshot share and a `Progress`.
         checkpoint: A file that keeps the state, every half minute and when the bake is interrupted.
         resume: Go on from `checkpoint` if it is there.
-        transport: Also keep the transport, to light the scene anew (`Transport`): four bytes for each ray of a luxel, two for each light.
+        transport: Also keep the transport, to light the scene anew (`Transport`): four bytes for each ray of a luxel, two for each point of
+            lights and spots.
         layers: Also the light of each lamp by itself, and of the sky.
         comm: `luxel.cluster.comm.world()`, or some of its ranks. The result does not depend on it.
         device: "cpu"; "cuda": a GPU does what is done for every element; or "auto": a GPU if one can be used and has the memory. The light is the
@@ -202,11 +203,11 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
     clock, tell = Clock(), preparing if preparing and labour.team.leads else _nobody
     lamps, atlas = labour.once(lambda: _laid_out(scene, sky, settings, density, page, labour, clock, tell))
     rays = rays_of(settings, lamps.sky is not None)
-    prepared = _prepare(atlas, settings, rays, density, labour, clock, tell)
+    prepared = _prepare(atlas, settings, _fits(settings, lamps, density, labour), labour, clock, tell)
     problem, n = prepared.cut.problem, prepared.cut.problem.elements.numbers.shape[1]
     _check_light(prepared, lamps)
     keep = transport or layers
-    counts = _kept_rows(problem, settings.seen > 0, rays, keep, labour)
+    counts = _kept_rows(problem, settings, rays, keep, labour)
     labour = labour.fitting(problem, prepared.view, (rays, settings.gathered), counts)
     light_rows = _rows(problem, problem.lights, counts[1], labour)
     state = start(problem)
@@ -220,6 +221,10 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
         own = labour.look(prepared.view, rays, told)
         return own._replace(away=labour.join(own.away, n))
 
+    @cache
+    def whole_sight() -> Sight:  # once the lights have shot
+        return sight()._replace(spots=find_spots(problem, state.direct, settings, labour))
+
     still = labour.join(lamps.shine(prepared.view, sight, slice(None), True, labour), n)
     state = start(problem, still, labour.threads)
     clock.lap("direct")
@@ -230,7 +235,7 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
     state = labour.state(problem, state)
     deadline = time.monotonic() + seconds if seconds is not None else None
     if settings.seen:
-        bounces = element_steps(problem, state, sight, settings.tolerance, labour)
+        bounces = element_steps(problem, state, whole_sight, settings.tolerance, labour)
     else:
         bounces = patch_steps(problem, state, _rows(problem, problem.patches, counts[0], labour), settings.tolerance, labour)
     shooting = chain(light_steps(problem, state, light_rows, labour), bounces)
@@ -241,12 +246,12 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
         _tell_of_loss(state)
     received = state.received + ambient(problem, state)[:, None].astype(np.float32)
     if finished and (settings.gathered or (settings.seen and settings.unlike < math.inf)):
-        received = state.direct + _last_bounce(prepared, sight, (problem.albedo * received).T.copy(), settings, labour, told)
+        received = state.direct + _last_bounce(prepared, whole_sight, (problem.albedo * received).T.copy(), settings, labour, told)
         clock.lap("gather")
     values, direct = _per_luxel(prepared, received), _per_luxel(prepared, state.direct)
     baked = Baked(prepared.atlas, prepared.luxels, values, prepared.valid, direct, state.ledger, clock.seconds, finished)
     if keep:
-        kept = _kept(prepared, light_rows, sight(), still, labour)
+        kept = _kept(prepared, light_rows, whole_sight(), still, labour)
         baked.transport = kept if transport else None
         clock.lap("transport")
         if layers:
@@ -284,17 +289,20 @@ def _kept(prepared: _Prepared, lights: Rows, sight: Sight, still: Array, labour:
     problem = prepared.cut.problem
     if problem.lights is not None:
         complete(problem, problem.lights, lights, labour)
-    return transport_of(prepared.cut, lights, sight.hits, still, prepared.luxels, labour)
+    return transport_of(prepared.cut, lights, sight, still, prepared.luxels, labour)
 
 
 def _last_bounce(prepared: _Prepared, sight: Callable[[], Sight], light: Array, settings: Quality, labour: Labour,
                  told: Callable[[float], None]) -> Array:  # fmt: skip
     """(3, n) float32: what elements receive of the radiosity of all, `light` (n, 3), as well as the quality asks."""
-    if settings.gathered:
-        own = labour.gather(prepared.view, light, settings.gathered, told)
-    else:
-        own = labour.look_closer(prepared.view, sight(), light, settings.unlike, told)
-    return labour.join(own, len(light))
+    view, seen = prepared.view, sight()
+
+    def gathered(light: Array) -> Array:
+        if settings.gathered:
+            return labour.gather(view, light, settings.gathered, told)
+        return labour.look_closer(view, seen, light, settings.unlike, told)
+
+    return labour.join(labour.shared(seen.spots, light, gathered), len(light))
 
 
 def labour_of(threads: int | None, comm: Comm | None, device: str = "cpu") -> Labour:
@@ -318,26 +326,34 @@ def rays_of(settings: Quality, sky: bool) -> int:
     return (settings.seen or _SEEN) * (2 if sky else 1)
 
 
-def effort(settings: Quality, sky: bool, glows: bool) -> tuple[int, float, Shooters | None]:
-    """What `diagnosis.estimate` asks for: rays that are kept, the work of a luxel, and what shoots; of a scene with or without a sky, and whether
-    any surface glows."""
+def effort(settings: Quality, sky: bool, glows: bool) -> tuple[int, float, Shooters | None, int]:
+    """What `diagnosis.estimate` asks for: rays that are kept, the work of a luxel, what shoots, and points of spots; of a scene with or without a
+    sky, and whether any surface glows."""
     looks = settings.seen > 0
     rays = rays_of(settings, sky)
     work = work_of(rays if looks or sky else 0, settings.gathered, looks and settings.unlike < math.inf, sky)
     if looks and not settings.exact:
-        return rays, work, None
+        return rays, work, None, settings.spot_points
     lights = settings.light_points if glows else 0
-    return rays, work, Shooters(lights, settings.rays, 0.0 if looks else settings.patch, settings.tolerance, _ROW_BYTES)
+    shooters = Shooters(lights, settings.rays, 0.0 if looks else settings.patch, settings.tolerance, ROW_BYTES)
+    return rays, work, shooters, settings.spot_points
 
 
-def _kept_rows(problem: Problem, elements_shoot: bool, rays: int, keep: bool, labour: Labour) -> tuple[int, int]:
-    """How many rows are kept: of the patches what fits, if they shoot; of the lights all if they must be."""
+def _fits(settings: Quality, lamps: Lamps, density: float | None, labour: Labour) -> Callable[[float, int], None]:
+    """Refuses so many luxels, of so many triangles, if they do not fit in memory."""
+    rays, ranks = rays_of(settings, lamps.sky is not None), labour.team.size
+    return partial(check_memory, rays=rays // ranks, spots=settings.spot_points // ranks, density=density, here=labour.team.here)
+
+
+def _kept_rows(problem: Problem, settings: Quality, rays: int, keep: bool, labour: Labour) -> tuple[int, int, int]:
+    """How many rows are kept: of the patches what fits, if they shoot; of the lights all if they must be; of spots, at most."""
     n, patches = problem.elements.numbers.shape[1], len(problem.patches.tree.patches)
     lights = 0 if problem.lights is None else len(problem.lights.tree.patches)
-    wanted = 2 * n * lights + 4 * n * rays
+    spots = 3 * spot_rows(n, settings) // 2
+    wanted = 2 * n * (lights + spots) + 4 * n * rays
     if keep and wanted > _MOST_KEPT:
         raise InputError(f"transport: {wanted / 1e9:.1f} GB for {lights} lights and {n} luxels, at most {_MOST_KEPT / 1e9:.0f} GB: bake coarser")
-    return 0 if elements_shoot else min(patches, labour.team.size * _ROW_BYTES // (2 * n)), lights if keep else 0
+    return 0 if settings.seen else min(patches, labour.team.size * ROW_BYTES // (2 * n)), lights if keep else 0, spots
 
 
 def _rows(problem: Problem, source: Source | None, kept: int, labour: Labour) -> Rows:
@@ -384,6 +400,9 @@ def _quality(quality: str | Quality, tolerance: float | None) -> Quality:
         if not 0 < tolerance <= 1:
             raise InputError(f"tolerance: expected a share between 0 and 1, got {tolerance!r}")
         quality = quality._replace(tolerance=float(tolerance))
+    for name in ("light_resolution", "resolution"):
+        if not 2 <= getattr(quality, name) <= RESOLUTIONS[-1] or getattr(quality, name) % 2:
+            raise InputError(f"quality: expected an even {name} from 2 to {RESOLUTIONS[-1]}, got {getattr(quality, name)!r}")
     if quality.seen < 0 or quality.seen & (quality.seen - 1):
         raise InputError(f"quality: expected a power of two as the number of rays that elements see by, or 0, got {quality.seen!r}")
     return quality
@@ -410,20 +429,20 @@ def _laid_out(scene: Any, sky: Any, settings: Quality, density: float | None, pa
     clock.lap("load")
     lamps = lamps_of(scene, sky)
     if density is not None:
-        check_memory(expected_luxels(scene, density), 0, rays_of(settings, lamps.sky is not None) // labour.team.size, density, labour.team.here)
+        _fits(settings, lamps, density, labour)(expected_luxels(scene, density), 0)
     tell(0.0, _LAYING)
     atlas = unwrap(scene, density, page, threads=labour.threads, progress=lambda share: tell(share, _LAYING))
     clock.lap("unwrap")
     return lamps, atlas
 
 
-def _prepare(atlas: Atlas, settings: Quality, rays_each: int, density: float | None, labour: Labour, clock: Clock,
+def _prepare(atlas: Atlas, settings: Quality, fits: Callable[[float, int], None], labour: Labour, clock: Clock,
              tell: Callable[[float, str], None]) -> _Prepared:  # fmt: skip
     tell(0.0, "finding luxels")
     luxels = find_luxels(atlas, labour.threads)
     if not len(luxels.area):
         raise InputError("bake: the scene has no surface")
-    check_memory(len(luxels.area) + int(luxels.two_sided.sum()), len(atlas.chart), rays_each // labour.team.size, density, labour.team.here)
+    fits(len(luxels.area) + int(luxels.two_sided.sum()), len(atlas.chart))
     clock.lap("luxels")
     geometry = flatten(atlas.scene, "none")
     two_sided = two_sided_triangles(atlas.scene, geometry)

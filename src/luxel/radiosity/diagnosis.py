@@ -16,6 +16,7 @@ from luxel.radiosity.overlap import overlap
 from luxel.radiosity.pages import draw_page, triangle_pages
 from luxel.radiosity.pieces import areas
 from luxel.radiosity.texture_space import Texels, area2, place_vertices
+from luxel.radiosity.transport import ROW_BYTES
 from luxel.raster.constants import SUBPIXEL
 from luxel.raster.geometry import Geometry, flatten
 
@@ -29,6 +30,7 @@ too small or missing, and of texels with two charts; and the ratio of the most t
 MOST_GUTTER = 4
 _SLACK = 1e-4  # beyond 0..1 by rounding
 _BYTES_A_LUXEL, _BYTES_A_RAY, _BYTES_A_TRIANGLE, _BYTES_AT_LEAST = 1020, 4, 400, 150 << 20
+_ROWS_A_SPOT = 1.2  # of the points that spots are to have
 _RAYS = 128  # of a luxel in a bake of normal quality without a sky
 _SECONDS_A_TRIANGLE, _SECONDS_AT_LEAST = 1e-5, 0.1  # to lay them out
 _SECONDS_A_RAY = 1.1e-8  # for each doubling of the triangles, as all that follow
@@ -160,7 +162,7 @@ class Diagnosis(NamedTuple):
 
 
 def diagnose(atlas: Atlas, threads: int | None = None, rays: int = _RAYS, work: float = _WORK, shooters: Shooters | None = None,
-             laid: float | None = None) -> Diagnosis:  # fmt: skip
+             spots: int = 0, laid: float | None = None) -> Diagnosis:  # fmt: skip
     """Look at the lightmap coordinates of a scene, and tell what a bake takes: see `estimate`.
 
     Args:
@@ -186,7 +188,7 @@ def diagnose(atlas: Atlas, threads: int | None = None, rays: int = _RAYS, work: 
     beyond = np.abs(geometry.texcoords1 - np.float32(0.5)).max(1, initial=0) > 0.5 + _SLACK
     outside = int(np.count_nonzero(beyond[geometry.triangles].any(1) & (surface > 0)))
     charts, triangles = int(atlas.chart.max(initial=-1)) + 1, len(geometry.triangles)
-    memory, seconds = estimate(sides, triangles, rays, work, shooters)
+    memory, seconds = estimate(sides, triangles, rays, work, shooters, spots)
     if laid is not None:
         seconds += laid - triangles * _SECONDS_A_TRIANGLE
     return Diagnosis(
@@ -200,31 +202,35 @@ def work_of(rays: int, gathered: int, closer: bool, sky: bool) -> float:
     return _OWN + rays + _GATHERED * gathered + _CLOSER * closer + _SKY * sky
 
 
-def estimate(luxels: int, triangles: int, rays: int = _RAYS, work: float = _WORK, shooters: Shooters | None = None) -> tuple[int, float]:
+def estimate(luxels: int, triangles: int, rays: int = _RAYS, work: float = _WORK, shooters: Shooters | None = None,
+             spots: int = 0) -> tuple[int, float]:  # fmt: skip
     """Bytes, and seconds on two cores, that a bake will take if each luxel keeps what so many rays meet, and does so much `work_of`.
 
     The time is rough, within a factor of two in rooms: what a ray costs depends on what it meets.
 
     Args:
         shooters: What shoots, but for lights that draw hemicubes for luxels that look around: those few are in `work`.
+        spots: So many points shoot what spots send on, if there are any: their rows count, their time does not.
     """
     memory = _BYTES_AT_LEAST + luxels * (_BYTES_A_LUXEL + _BYTES_A_RAY * rays) + triangles * _BYTES_A_TRIANGLE
+    memory += int(_ROWS_A_SPOT * min(2 * spots * luxels, ROW_BYTES))
     looks = (luxels + min(_SCATTER * triangles, _ALONE * luxels)) * np.log2(triangles + 2.0)
     shot = 0.0 if shooters is None else shooters.seconds(luxels, triangles)
     return int(memory), float(_SECONDS_AT_LEAST + triangles * _SECONDS_A_TRIANGLE + looks * work * _SECONDS_A_RAY + shot)
 
 
-def check_memory(luxels: float, triangles: int, rays: int, density: float | None = None, here: int = 1) -> None:
+def check_memory(luxels: float, triangles: int, rays: int, spots: int, density: float | None = None, here: int = 1) -> None:
     """Refuse a bake of so many luxels that is not going to fit, before time is spent on it.
 
     Args:
+        rays, spots: As for `estimate`.
         density: Texels per metre that give so many luxels, if known: then the message names one that fits.
         here: Processes on this machine that all take as much.
 
     Raises:
         InputError: The machine has less memory left than `estimate` says.
     """
-    free, wanted = free_bytes(), estimate(int(luxels), triangles, rays)[0]
+    free, wanted = free_bytes(), estimate(int(luxels), triangles, rays, spots=spots)[0]
     if free is None or wanted <= free // here:
         return
     free //= here

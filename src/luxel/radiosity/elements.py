@@ -37,6 +37,7 @@ class Quality(NamedTuple):
 
     Attributes:
         light_points: About so many points for all emitting surfaces, each of which shoots.
+        spot_points: The same for surfaces so bright in the light of these that they shoot as they do (`spots`); 0: none does.
         light_resolution: Pixels along a face of a light's hemicube.
         rays: Spots of elements near a light at which each part of it is looked at, by rays; 0: none.
         seen: Rays by which each element looks around, and through which light is then passed on; 0: patches shoot it, as the lights do.
@@ -58,12 +59,13 @@ class Quality(NamedTuple):
     patch: float = 12
     resolution: int = 64
     exact: bool = False
+    spot_points: int = 0
 
 
 QUALITIES = {
-    "draft": Quality(64, 64, 0, 64, 0),
-    "normal": Quality(256, 128, 4, 128, 0, unlike=8.0),
-    "final": Quality(1024, 128, 16, 128, 1024),
+    "draft": Quality(64, 64, 4, 64, 0, spot_points=128),
+    "normal": Quality(256, 128, 4, 128, 0, unlike=8.0, spot_points=256),
+    "final": Quality(1024, 128, 16, 128, 1024, spot_points=512),
     "reference": Quality(256, 16, 64, 256, 4096, exact=True),
     "progressive": Quality(256, 128, 4, 0, 0, patch=6),
 }
@@ -174,9 +176,11 @@ def cut(luxels: Luxels, sides: tuple[Array, Array], geometry: Geometry, charts: 
     own = elements if isinstance(mine, slice) else elements_of(np.ascontiguousarray(elements.numbers[:, mine]))
     albedo = np.ascontiguousarray(luxels.albedo[luxel][tree.order].T)
     shining = np.flatnonzero(luxels.emission[fronts].sum(1) > 0)
-    lights, exitance, point_luxel = _lights(
-        numbers[:, shining], luxels.emission[fronts[shining]], fronts[shining], rays, quality, labour
-    )
+    lights, exitance, point_luxel = None, np.zeros((0, 3), np.float32), np.zeros(0, np.int32)
+    if len(shining):
+        lights, origin = shining_source(numbers[:, shining], quality.light_points, quality.light_resolution, rays, labour)
+        point_luxel = fronts[shining[origin]]
+        exitance = luxels.emission[point_luxel].astype(np.float32)
     span = geometry.positions[np.isfinite(geometry.positions).all(1)]
     near = _NEAR * float(np.linalg.norm(np.ptp(span, axis=0)))
     problem = Problem(
@@ -198,19 +202,18 @@ def _visible(rays: Occlusion, a: Array, b: Array, labour: Labour) -> Array:
     return labour.each(len(a), lambda some: visible(rays, a[some], b[some], labour.threads))
 
 
-def _lights(numbers: Array, emission: Array, luxel: Array, rays: Occlusion, quality: Quality, labour: Labour) -> tuple[Source | None, Array, Array]:
-    """What emits, as a source, with the exitance (k, 3) and the luxel (k,) of its points; of (17, m) numbers, (m, 3) emission and (m,) luxels."""
-    if not len(luxel):
-        return None, np.zeros((0, 3), np.float32), luxel
-    side = float(np.sqrt(numbers[AREA].sum() / quality.light_points))  # of a point's patch
+def shining_source(numbers: Array, points: int, resolution: int, rays: Occlusion, labour: Labour) -> tuple[Source, Array]:
+    """Elements that shine, (17, m) numbers, as a source of about so many patches, each of which shoots from a point of it; and which of the elements
+    each element of the source is a part of, (k,) int64."""
+    side = float(np.sqrt(numbers[AREA].sum() / points))  # of a point's patch
     cuts = int(np.clip(np.ceil(2 * np.sqrt(numbers[AREA].mean()) / side), 1, _MOST_CUTS))
     fine, whole = _points(numbers, cuts, rays, labour)
     extent = np.full(fine.shape[1], side, np.float32)
     tree = build_tree(np.ascontiguousarray(fine[PX : PZ + 1].T), np.ascontiguousarray(fine[GX : GZ + 1].T), fine[AREA], extent)
-    origin, ordered = whole[tree.order], _in_tree_order(tree, fine)
-    source = source_of(tree, ordered, quality.light_resolution)
+    ordered = _in_tree_order(tree, fine)
+    source = source_of(tree, ordered, resolution)
     scattered = source.shooters._replace(centers=_scattered(tree, ordered, rays, labour))
-    return source._replace(shooters=scattered), emission[origin].astype(np.float32), luxel[origin]
+    return source._replace(shooters=scattered, shines=True), whole[tree.order]
 
 
 def _scattered(tree: Tree, numbers: Array, rays: Occlusion, labour: Labour) -> Array:

@@ -24,6 +24,7 @@ from luxel.radiosity.hemicube import frames_of
 from luxel.radiosity.lightmap import like
 from luxel.radiosity.occlusion import Occlusion
 from luxel.radiosity.packet import AT, DX, DY, DZ, FOUND, OX, OY, OZ, SLOPE, WIDTH
+from luxel.radiosity.transport import BLOCK
 from luxel.raster.geometry import Geometry
 
 if TYPE_CHECKING:
@@ -208,16 +209,47 @@ class View(NamedTuple):
         return result
 
 
+class Spots(NamedTuple):
+    """Elements so bright that they shoot, and what their patches give to all; see `luxel.radiosity.spots`.
+
+    Attributes:
+        element: (k,) int32: of each point of theirs, the element it is a part of; `area` (k,) float32 of each, m2.
+        starts: (s + 1,) int64: where the points of each patch begin, and their end.
+        rows, touched: Of the s patches, as in `luxel.radiosity.solve.Rows`.
+    """
+
+    element: Array
+    area: Array
+    starts: Array
+    rows: Array
+    touched: Array
+
+    def part(self, light: Array) -> tuple[Array, Array]:
+        """The `light` (n, 3) of all other elements, and what patches send, (s, 3) float32."""
+        rest, first = light.copy(), self.starts[:-1]
+        rest[self.element] = 0
+        power = np.add.reduceat(light[self.element] * self.area[:, None], first, 0)
+        return rest, (power / np.add.reduceat(self.area, first)[:, None]).astype(np.float32)
+
+
+def no_spots(elements: int) -> Spots:
+    """For so many elements of this process."""
+    empty = np.zeros(0, np.int32), np.zeros(0, np.float32), np.zeros(1, np.int64)
+    return Spots(*empty, np.zeros((0, elements), np.uint16), np.zeros((0, -(-elements // BLOCK)), np.bool_))
+
+
 class Sight(NamedTuple):
     """What n elements see, kept: through it light is passed on without looking again.
 
     Attributes:
         hits: (n, rays) int32: the elements that the rays of each meet, `NOWHERE`, `BACK` or `LOST`.
         away: (n,) float64: area of each times the share of its rays that go nowhere, or meet the back of something one-sided, m2.
+        spots: Elements whose light comes by rows, if there are any.
     """
 
     hits: Array
     away: Array
+    spots: Spots | None = None
 
 
 def gather(hits: Array, light: Array, threads: int) -> Array:

@@ -23,7 +23,7 @@ from luxel.arrays import Array
 from luxel.radiosity import gather
 from luxel.radiosity.closer import gather_closer
 from luxel.radiosity.direct import shine
-from luxel.radiosity.gather import Sight, View
+from luxel.radiosity.gather import Sight, Spots, View
 from luxel.radiosity.hemicube import ItemBuffers, room_for, see_into
 from luxel.radiosity.patches import Tree
 from luxel.radiosity.sky import shine_sky
@@ -90,8 +90,8 @@ class Labour:
         """(..., n), the same everywhere: of `work(which)`, (..., k) for an index of k of n items."""
         return self.join(work(self.mine(n)), n)
 
-    def fitting(self, problem: Problem, view: View, rays: tuple[int, int], rows: tuple[int, int]) -> Labour:
-        """Who does it, if it has to fit in memory: rays of each element that are kept, and that are not; rows of patches and of lights."""
+    def fitting(self, problem: Problem, view: View, rays: tuple[int, int], rows: tuple[int, int, int]) -> Labour:
+        """Who does it, if it has to fit in memory: rays of each element that are kept, and that are not; rows of patches, of lights and of spots."""
         return self
 
     def state(self, problem: Problem, state: State) -> State:
@@ -140,9 +140,16 @@ class Labour:
         """What this process's elements see by so many rays; `told` hears which share of them has looked."""
         return gather.see_around(view, rays, self.threads, told)
 
-    def mean(self, sight: Sight, light: Array) -> Array:
-        """(3, k) float32: the mean of `light` (n, 3) float32 over what the rays of this process's elements meet."""
-        return gather.gather(sight.hits, light, self.threads)
+    def pass_on(self, sight: Sight, light: Array) -> Array:
+        """(3, k) float32, W/m2: what this process's elements receive of the radiosity of all, `light` (n, 3) float32, through what they see."""
+        return self.shared(sight.spots, light, lambda rest: gather.gather(sight.hits, rest, self.threads))
+
+    def shared(self, spots: Spots | None, light: Array, gathered: Callable[[Array], Array]) -> Array:
+        """(3, k) float32, W/m2: what this process's elements receive of `light` (n, 3): of spots by rows, and what of the rest is `gathered`."""
+        if spots is None:
+            return gathered(light)
+        rest, powers = spots.part(light)
+        return gathered(rest) + self.fetch(self.receive(spots.rows, spots.touched, np.arange(len(powers)), powers))
 
     def look_closer(self, view: View, sight: Sight, light: Array, unlike: float, told: Callable[[float], None]) -> Array:
         """(3, k) float32: the same, with more rays where what they bring is unlike (`closer`)."""

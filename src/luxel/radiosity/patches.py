@@ -165,6 +165,11 @@ def build_tree(position: Array, normal: Array, area: Array, extent: Array, bend:
     return Tree(order, span[:nodes].copy(), child[:nodes].copy(), place[:nodes].copy(), patches, patch_of)
 
 
+def patch_starts(tree: Tree) -> Array:
+    """(p + 1,) int64: where the elements of each patch begin, and their end."""
+    return np.append(tree.span[tree.patches, 0], len(tree.order)).astype(np.int64)
+
+
 def ranges(spans: Array) -> Array:
     """The numbers of the elements of (k, 2) spans, one span after the other."""
     sizes = spans[:, 1] - spans[:, 0]

@@ -24,20 +24,21 @@ from luxel.arrays import Array, checked
 from luxel.errors import FileError, InputError
 from luxel.io.files import atomic_write
 from luxel.radiosity.element import AREA
-from luxel.radiosity.gather import exchange_of, gather
-from luxel.radiosity.solve import Rows, groups, patch_starts
+from luxel.radiosity.gather import Sight, Spots, exchange_of, no_spots
+from luxel.radiosity.labour import Labour
+from luxel.radiosity.patches import patch_starts
+from luxel.radiosity.solve import Rows, groups
 from luxel.radiosity.transport import BLOCK, receive
 
 if TYPE_CHECKING:
     from luxel.radiosity.elements import Cut
-    from luxel.radiosity.labour import Labour
     from luxel.radiosity.luxels import Luxels
 
 _ENOUGH = 1e-3  # of the norm of the right-hand side
 _MOST_STEPS = 100
 _SETTLED = 1e-3  # of the light: how much of it may be missing
 _LEFT = 0.5  # of what is missing: what the groups leave of it, or less (0.45 in the paper's rooms)
-_VERSION = 3
+_VERSION = 4
 
 
 @dataclass(eq=False)
@@ -50,6 +51,7 @@ class Transport:
         starts: (p + 1,) int64: where the elements of each group begin.
         exchange: (p, p) float32: G, symmetric, m2.
         hits: (e, r) int32: what each sees; see `luxel.radiosity.gather.Sight`.
+        spot_element, spot_area, spot_starts, spot_rows, spot_touched: Of bright elements, as in `luxel.radiosity.gather.Spots`.
         rows, touched: Of the l lights, as in `luxel.radiosity.solve.Rows`.
         point_luxel, point_area, point_starts: Of the points of the lights: their luxels (k,), areas (k,), and where each light's begin (l + 1,).
         still: (3, e) float32: irradiance of lights without a surface, W/m2.
@@ -63,6 +65,11 @@ class Transport:
     starts: Array
     exchange: Array
     hits: Array
+    spot_element: Array
+    spot_area: Array
+    spot_starts: Array
+    spot_rows: Array
+    spot_touched: Array
     rows: Array
     touched: Array
     point_luxel: Array
@@ -106,13 +113,19 @@ class Transport:
         rho = np.ascontiguousarray(albedo[self.luxel].T)
         shining = self._shine(direct, emission, threads)
         received = direct + self._exchanged(direct, rho, shining, threads)
-        known = direct if shining is None else direct + gather(self.hits, shining, threads)
-        received, missing = _conjugate_residuals(lambda e: gather(self.hits, (rho * e).T.copy(), threads), known, received, tolerance / _LEFT)
+        labour, sight = Labour(threads), Sight(self.hits, np.zeros(0), self.spots)
+        known = direct if shining is None else direct + labour.pass_on(sight, shining)
+        received, missing = _conjugate_residuals(lambda e: labour.pass_on(sight, (rho * e).T.copy()), known, received, tolerance / _LEFT)
         received += missing + self._exchanged(missing, rho, None, threads)
         result = np.zeros(emission.shape, np.float32)
         front = np.flatnonzero(self.front)
         result[self.luxel[front]] = np.maximum(received[:, front].T, 0)
         return result
+
+    @property
+    def spots(self) -> Spots | None:
+        """The bright elements, if there are any."""
+        return Spots(self.spot_element, self.spot_area, self.spot_starts, self.spot_rows, self.spot_touched) if len(self.spot_element) else None
 
     def _shine(self, direct: Array, emission: Array, threads: int) -> Array | None:
         """Add to `direct` what the lights give; the exitance (e, 3) of elements that were no lights at the bake, None if they all are dark."""
@@ -184,22 +197,28 @@ class Transport:
         return cls(**arrays)
 
 
-def transport_of(cut: Cut, lights: Rows, hits: Array, still: Array, luxels: Luxels, labour: Labour) -> Transport | None:
-    """What a bake leaves: the rows of its `lights`, complete, and what its elements see, `hits`; None on processes that do not lead."""
+def transport_of(cut: Cut, lights: Rows, sight: Sight, still: Array, luxels: Luxels, labour: Labour) -> Transport | None:
+    """What a bake leaves: the rows of its `lights`, complete, and what its elements see; None on processes that do not lead."""
     problem, area, starts = cut.problem, cut.problem.elements.numbers[AREA].copy(), groups(cut.problem.patches.tree)
     points = np.zeros(0, np.int32), np.zeros(0), np.zeros(1, np.int64)
     if problem.lights is not None:
         points = problem.point_luxel, problem.lights.numbers[AREA].astype(np.float64), patch_starts(problem.lights.tree)
-    slot, n = lights.slot, len(area)
-    whole = labour.team.collect(labour.fetch(hits), n)
-    rows = labour.team.collect(labour.fetch(lights.rows)[slot].T, n)
-    touched = labour.team.collect(lights.touched[slot].T, -(-n // BLOCK), grain=1)
-    if whole is None or rows is None or touched is None:
+    hits = labour.team.collect(labour.fetch(sight.hits), len(area))
+    spots = sight.spots or no_spots(problem.own.numbers.shape[1])
+    spot_rows = _collected(labour.fetch(spots.rows), spots.touched, len(area), labour)
+    light_rows = _collected(labour.fetch(lights.rows)[lights.slot], lights.touched[lights.slot], len(area), labour)
+    if hits is None:
         return None
     return Transport(
-        cut.luxel, ~cut.back, area, starts, exchange_of(whole, starts, area, labour.threads), whole, np.ascontiguousarray(rows.T),
-        np.ascontiguousarray(touched.T), *points, still, luxels.emission, luxels.albedo,
+        cut.luxel, ~cut.back, area, starts, exchange_of(hits, starts, area, labour.threads), hits, *spots[:3], *spot_rows, *light_rows, *points,
+        still, luxels.emission, luxels.albedo,
     )  # fmt: skip
+
+
+def _collected(rows: Array, touched: Array, n: int, labour: Labour) -> tuple[Array, Array]:
+    """Everybody's parts of `Rows.rows` and `touched`, of n elements, where the process leads; nothing elsewhere."""
+    whole = labour.team.collect(rows.T, n), labour.team.collect(touched.T, -(-n // BLOCK), grain=1)
+    return tuple(np.ascontiguousarray(part.T) if part is not None else np.zeros((0, 0)) for part in whole)  # type: ignore[return-value]
 
 
 def _conjugate_residuals(passed_on: Callable[[Array], Array], known: Array, x: Array, tolerance: float) -> tuple[Array, Array]:

@@ -23,7 +23,7 @@ from luxel.radiosity.element import AREA, PX, PZ
 from luxel.radiosity.gather import Sight
 from luxel.radiosity.hemicube import frames_of
 from luxel.radiosity.labour import Labour
-from luxel.radiosity.patches import Tree, middles
+from luxel.radiosity.patches import Tree, middles, patch_starts
 from luxel.radiosity.transport import BLOCK, Elements, Occluders, Shooters, Visibility
 
 BATCH = 128
@@ -44,23 +44,20 @@ class Source(NamedTuple):
         numbers: (17, k) float32 of its elements.
         shooters: Of its patches, in order.
         resolution: Pixels along a face of their hemicubes.
+        shines: It is a lamp, or as bright as one: what elements near it see of it is told by rays, and its rows are used as they are.
     """
 
     tree: Tree
     numbers: Array
     shooters: Shooters
     resolution: int
+    shines: bool = False
 
 
 def source_of(tree: Tree, numbers: Array, resolution: int) -> Source:
     """Each patch looks from its element nearest the centre, along its mean normal."""
     centers = np.ascontiguousarray(numbers[PX : PZ + 1, middles(tree, tree.patches, numbers[PX : PZ + 1].T)].T)
     return Source(tree, numbers, Shooters(tree.patches, centers, frames_of(tree.place[tree.patches, 4:7])), resolution)
-
-
-def patch_starts(tree: Tree) -> Array:
-    """(p + 1,) int64: where the elements of each patch begin, and their end."""
-    return np.append(tree.span[tree.patches, 0], len(tree.order)).astype(np.int64)
 
 
 def groups(tree: Tree) -> Array:
@@ -165,7 +162,7 @@ class Rows:
     """Where rows of transport are kept: so many, in the order in which they are first wanted; the rest are computed each time.
 
     Attributes:
-        rows: (slots, k) uint16, of this process's elements; the last `BATCH` are not kept.
+        rows: (slots, k) uint16, of this process's elements; if not all are kept, the last `BATCH` are not.
         touched: (slots, blocks) bool: which blocks of a row are not all zero.
         slot: (p,) int64: a patch's row, or -1.
         scale: (slots,) float64: what puts the row's sum right.
@@ -177,7 +174,7 @@ class Rows:
     def __init__(self, patches: int, elements: int, kept: int, empty: Callable[..., Any] = np.empty) -> None:
         """`empty(shape, dtype)` makes the array of rows."""
         self.kept = min(patches, kept)
-        self.rows = empty((self.kept + BATCH, elements), np.uint16)
+        self.rows = empty((self.kept + (BATCH if self.kept < patches else 0), elements), np.uint16)
         self.touched = np.zeros((len(self.rows), -(-elements // BLOCK)), np.bool_)
         self.slot = np.full(patches, -1, np.int64)
         self.scale, self.lost, self.surplus = np.ones(len(self.rows)), np.zeros(len(self.rows)), np.zeros(len(self.rows))
@@ -269,12 +266,12 @@ def fill(problem: Problem, source: Source, chosen: Array, rows: Rows, labour: La
     who = Shooters(*(array[chosen[fresh]] for array in source.shooters))
     seen, escaped = labour.see(problem.occluders, who, source.resolution, problem.near)
     to = slots[fresh]
-    rays = problem.rays if source is problem.lights or problem.rays.always else problem.rays._replace(number=0)
+    rays = problem.rays if source.shines or problem.rays.always else problem.rays._replace(number=0)
     parts = labour.fill_rows(problem.own, source.tree, source.numbers, who, seen, problem.occluders, rays, to, rows.rows)
     rows.touched[to] = parts > 0
     parts = labour.join(parts, -(-problem.elements.numbers.shape[1] // BLOCK), grain=1)
     sums, areas = parts.sum(1), source.tree.place[who.node, 7].astype(np.float64)
-    if source is problem.lights:  # what each element receives is known well: an error near the light is not put right by what is far away
+    if source.shines:  # what each element receives is known well: an error near the light is not put right by what is far away
         rows.lost[to] = np.clip(1.0 - sums / areas, 0.0, escaped.sum(1))
         rows.surplus[to] = sums / areas + rows.lost[to] - 1.0
         return slots
@@ -343,7 +340,7 @@ def pass_on(sight: Sight, light: Array, area: Array, labour: Labour) -> tuple[Ar
         sight: With `hits` of this process's elements, and `away` of all.
         light: (n, 3) float32 radiosity, W/m2; `area` (n,) float32, m2.
     """
-    irradiance = labour.join(labour.mean(sight, light), len(light))
+    irradiance = labour.join(labour.pass_on(sight, light), len(light))
     light = light.T.astype(np.float64)
     sent = light @ area
     scale, away = balance(sent, sent - light @ sight.away, irradiance.astype(np.float64) @ area)

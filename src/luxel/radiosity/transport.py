@@ -37,6 +37,9 @@ from luxel.raster.constants import NOTHING
 BLOCK = 128
 """Elements that a thread works on at a time; sums over rows are taken by so many."""
 
+ROW_BYTES = 1 << 30
+"""Rows of patches, and of spots, are kept up to this."""
+
 _F, _I = np.float32, np.int32
 _PER_PI = _F(1 / np.pi)
 _FAR = _F(16.0)  # squared distance over squared radius beyond which a node is taken as a whole
