@@ -224,7 +224,7 @@ class Spots(NamedTuple):
     rows: Array
     touched: Array
 
-    def part(self, light: Array) -> tuple[Array, Array]:
+    def apart(self, light: Array) -> tuple[Array, Array]:
         """The `light` (n, 3) of all other elements, and what patches send, (s, 3) float32."""
         rest, first = light.copy(), self.starts[:-1]
         rest[self.element] = 0

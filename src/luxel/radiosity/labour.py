@@ -148,7 +148,7 @@ class Labour:
         """(3, k) float32, W/m2: what this process's elements receive of `light` (n, 3): of spots by rows, and what of the rest is `gathered`."""
         if spots is None:
             return gathered(light)
-        rest, powers = spots.part(light)
+        rest, powers = spots.apart(light)
         return gathered(rest) + self.fetch(self.receive(spots.rows, spots.touched, np.arange(len(powers)), powers))
 
     def look_closer(self, view: View, sight: Sight, light: Array, unlike: float, told: Callable[[float], None]) -> Array:

@@ -1,4 +1,4 @@
-"""Spots: elements whose light comes by rows, as `luxel.radiosity.gather.Spots.part`; their rows are received as lights' are (`light`)."""
+"""Spots: elements whose light comes by rows, as `luxel.radiosity.gather.Spots.apart`; their rows are received as lights' are (`light`)."""
 
 from __future__ import annotations
 
