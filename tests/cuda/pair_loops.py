@@ -14,7 +14,8 @@ _exchange_plain, _exchange_hidden, _Scratch = _pairs.exchange_plain, _pairs.exch
 @jit.kernel
 def exchange_plain(n, m, given):
     s = make_scratch()
-    scratch = _Scratch(s.a, s.b, s.c, s.blockers, s.found, s.planes, s.bounds, s.terms, s.cells, s.samples, s.pieces, s.counts, s.points)
+    scratch = _Scratch(s.a, s.b, s.c, s.blockers, s.found, s.planes, s.bounds, s.terms, s.cells, s.samples, s.pieces, s.counts, s.points, s.part_a,
+                       s.part_b, s.parts)  # fmt: skip
     for j in range(m):
         for i in range(n):
             _exchange_plain(i, j, *given, scratch)
@@ -26,5 +27,5 @@ def exchange_hidden(n, _, given):
     last, world, wanted, found, room = given
     for i in range(n):
         scratch = _Scratch(s.a, s.b, s.c, room.blockers[i], s.found, s.planes, s.bounds, s.terms, s.cells, s.samples, room.pieces[i], room.counts[i],
-                           room.points[i])  # fmt: skip
+                           room.points[i], s.part_a, s.part_b, s.parts)  # fmt: skip
         _exchange_hidden(last, world, wanted, found, scratch)

@@ -69,6 +69,16 @@ def test_the_order_of_polygons_and_launches_changes_nothing(on, gpu, monkeypatch
             assert_same(ours, on(meshes), 0 if gpu.name == "host" else ROUNDING)
 
 
+def test_more_obstacles_than_a_shaft_may_hold(on, gpu):
+    """The pair is integrated part by part; one side has five corners where the other's plane cuts it."""
+    rng = np.random.default_rng(5)
+    ends = [np.array([(0, 0, z), (1, 0, z), (1, 1, z), (0, 1, z)], np.float32) for z in (0, 1)]
+    ends[1] = (ends[1] - [0, 0, 1]) @ np.linalg.qr(rng.normal(size=(3, 3)))[0] * 2 + [0.3, 0.3, 0.5]
+    spots = [rng.uniform((0, 0, 0.1), (1, 1, 0.8)) + 0.03 * rng.normal(size=(3, 3)) for _ in range(150)]
+    meshes = [luxel.Mesh(c.astype(np.float32), np.array([[0, 1, 2], [0, 2, 3]][: len(c) - 2], np.int32)) for c in (*ends, *spots)]
+    assert_same(form_factors(meshes, one_sided=True), on(meshes, one_sided=True), 0 if gpu.name == "host" else ROUNDING)
+
+
 def test_nothing_and_progress(on):
     assert on([]).shape == (0, 0)
     told = []

@@ -22,6 +22,7 @@ globals().update(kernels(__name__, *bodies(again)))  # each is an attribute of t
 _pairs = again(pairs_source.__name__)
 _exchange_plain, _exchange_hidden, _Scratch = _pairs.exchange_plain, _pairs.exchange_hidden, _pairs.Scratch
 _CORNERS, _LEVELS, _PLANES, _CELLS, _BLOCKERS = _pairs.CORNERS, _pairs.LEVELS, _pairs.PLANES, _pairs.CELLS, _pairs.BLOCKERS
+_PARTS = _pairs.PARTS
 
 
 @kernel
@@ -32,7 +33,8 @@ def exchange_plain(n, m, given):
     scratch = _Scratch(
         cuda.local.array((_CORNERS, 3), np.float64), cuda.local.array((_CORNERS, 3), np.float64), none, cuda.local.array((1, _BLOCKERS), np.int64),
         cuda.local.array(1, np.int64), cuda.local.array((_PLANES, 4), np.float64), cuda.local.array(6, np.float64),
-        cuda.local.array((2, _CORNERS, _CORNERS), np.float64), none, none, none3, cuda.local.array(1, np.int64), none3,
+        cuda.local.array((2, _CORNERS, _CORNERS), np.float64), none, none, none3, cuda.local.array(1, np.int64), none3, none, none,
+        none,
     )  # fmt: skip
     if i < n and j < m:
         _exchange_plain(i, j, *given, scratch)
@@ -46,7 +48,11 @@ def exchange_hidden(n, _, given):
     a, b, c = cuda.local.array((_CORNERS, 3), np.float64), cuda.local.array((_CORNERS, 3), np.float64), cuda.local.array((4, 3), np.float64)
     levels, planes, bounds = cuda.local.array(_LEVELS, np.int64), cuda.local.array((_PLANES, 4), np.float64), cuda.local.array(6, np.float64)
     terms, cells = cuda.local.array((2, _CORNERS, _CORNERS), np.float64), cuda.local.array((_CELLS, 6), np.float64)
-    samples = cuda.local.array((4, 6), np.float64)
+    samples, parts = cuda.local.array((4, 6), np.float64), cuda.local.array((_PARTS, 9), np.float64)
+    part_a, part_b = cuda.local.array((_CORNERS, 3), np.float64), cuda.local.array((_CORNERS, 3), np.float64)
     if i < n:
-        scratch = _Scratch(a, b, c, room.blockers[i], levels, planes, bounds, terms, cells, samples, room.pieces[i], room.counts[i], room.points[i])
+        scratch = _Scratch(
+            a, b, c, room.blockers[i], levels, planes, bounds, terms, cells, samples, room.pieces[i], room.counts[i], room.points[i], part_a, part_b,
+            parts,
+        )  # fmt: skip
         _exchange_hidden(last, world, wanted, found, scratch)

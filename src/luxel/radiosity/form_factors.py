@@ -62,7 +62,7 @@ def form_factors(
             Otherwise on both sides.
         tolerance: Relative error aimed at in each F_ij, or absolute error of so much over n (or 1000), whichever allows more: 1e-3, or 2e-5 for the
             reference.
-        reference: Look closer at partly hidden pairs, and settle for rays only between hundreds of obstacles.
+        reference: Look closer at partly hidden pairs.
         threads: How many; default all cores. The result does not depend on it.
         progress: Called with the part done, 0..1.
         device: "cpu"; "cuda": a GPU integrates; or "auto": a GPU if one can be used and has the memory. The result is the same but for rounding.

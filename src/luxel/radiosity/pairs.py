@@ -2,8 +2,8 @@
 
 The double integral of |cos cos| V / (pi r^2) over both, square metres: divided by either's area it is the form factor to the other. The polygons
 are first cut by each other's planes, so that all that is left faces; then integrated as if alone (`luxel.radiosity.exchange`); and where the
-shaft between them is not empty (`luxel.radiosity.shaft`), integrated again with the exact shadow (`luxel.radiosity.shadow`), or by rays where there
-are too many obstacles for that.
+shaft between them is not empty (`luxel.radiosity.shaft`), integrated again with the exact shadow (`luxel.radiosity.shadow`): part by part where there
+are too many obstacles for that, and by rays where parts have too many too.
 """
 
 from __future__ import annotations
@@ -31,6 +31,9 @@ _LEEWAY = 2.0  # a cell's quarters are so much closer to the truth than it is
 _STAKE = 1000.0  # floors that a cell must be worth to be quartered unasked
 RAYS = 64
 LEVELS, PLANES, CELLS = _DEEPEST + 2, 40, 4 * _DEEPEST + 8
+_SMALLEST = 6  # quarterings of a pair, of either side
+PARTS = 4 * _SMALLEST + 4  # that wait at most; a polygon of five corners has eight quarters, at first
+_DOUBT = 0.01  # what rays may be off by, as a share of what two sides would exchange if alone
 NOT_PLAIN = -1.0
 _NEAR = 0.7  # sizes over distance from which quadrature points on both do not pay
 
@@ -75,6 +78,7 @@ class Scratch(NamedTuple):
         cells, samples: That are still to be looked at; of one of them.
         pieces, counts: What is left of a polygon behind obstacles.
         points: Of both polygons, where rays begin and end.
+        part_a, part_b, parts: Corners of parts of the two sides, and which pairs of parts are still to be looked at.
     """
 
     a: Array
@@ -90,6 +94,9 @@ class Scratch(NamedTuple):
     pieces: Array
     counts: Array
     points: Array
+    part_a: Array
+    part_b: Array
+    parts: Array
 
 
 @jit.kernel
@@ -99,6 +106,7 @@ def make_scratch():
         np.zeros((CORNERS, 3)), np.zeros((CORNERS, 3)), np.zeros((4, 3)), np.zeros((LEVELS, BLOCKERS), np.int64), np.zeros(LEVELS, np.int64),
         np.zeros((PLANES, 4)), np.zeros(6), np.zeros((2, CORNERS, CORNERS)), np.zeros((CELLS, 6)), np.zeros((4, 6)),
         np.zeros((PIECES + 2, PIECE_CORNERS, 3)), np.zeros(PIECES, np.int64), np.zeros((2, RAYS, 4)),
+        np.zeros((CORNERS, 3)), np.zeros((CORNERS, 3)), np.zeros((PARTS, 9)),
     )  # fmt: skip
 
 
@@ -164,11 +172,12 @@ def _roughness(f):
 
 
 @jit.part
-def _partly_hidden(world, a, b, found, whole, wanted, floor, scratch):
-    """The integral over `a` of what each of its points sees of `b`, and the error estimated; negative if rays must do it.
+def _partly_hidden(world, a, b, found, whole, tolerance, levels, floor, scratch):
+    """The integral over `a` of what each of its points sees of `b`, and the error estimated; negative if the shadow needs too many pieces.
 
-    `whole` is the value without obstacles. Each cell asks anew which obstacles are in its own shaft, so most are soon clear or hidden for certain.
-    Others may differ from their quarters by a share of the error that falls with their side: those with kinks are as many as the kinks are long.
+    `whole` is the value without obstacles, `levels` how many of cells are always looked at. Each cell asks anew which obstacles are in its own
+    shaft, so most are soon clear or hidden for certain. Others may differ from their quarters by a share of the error that falls with their side:
+    those with kinks are as many as the kinks are long.
     """
     cells = scratch.cells
     depth, total, error, seen = 0, 0.0, 0.0, 0.0
@@ -200,12 +209,12 @@ def _partly_hidden(world, a, b, found, whole, wanted, floor, scratch):
             cells[row, 0], cells[row, 1], cells[row, 2], cells[row, 3], cells[row, 4], cells[row, 5] = piece, x, y, half, part, level + 1
         if level == 0:
             seen += quarters
-        allowed = max(_LEEWAY * wanted.tolerance * max(seen, 0.02 * whole), floor)
+        allowed = max(_LEEWAY * tolerance * max(seen, 0.02 * whole), floor)
         gap = abs(quarters - value)
         if between:
             gap = max(gap, _JUMP * _roughness(scratch.samples) * size * size)
         stake = whole * size * size  # what is at stake, about
-        sure = between == 0 or level >= wanted.levels or stake <= _STAKE * floor
+        sure = between == 0 or level >= levels or stake <= _STAKE * floor
         if (sure and gap <= allowed * size) or stake <= floor or level == _DEEPEST:
             total += quarters
             error += gap / _LEEWAY
@@ -240,11 +249,11 @@ def _ray_points(a, first, base_u, base_v, turn, rows):
 
 
 @jit.part
-def _by_rays(world, a, b, whole, wanted, floor, scratch):
-    """The share of `whole` that is seen, by pairs of points weighted with what they would exchange; and the error expected."""
+def _by_rays(world, a, b, whole, wanted, batches, floor, scratch):
+    """The share of `whole` that is seen, by at most `batches` of pairs of points weighted with what they would exchange; and the error expected."""
     weights = squares = seen = 0.0
     value, error = 0.0, whole
-    for batch in range(wanted.batches):
+    for batch in range(batches):
         _ray_points(a, batch * RAYS, 2, 3, 0.37, scratch.points[0])
         _ray_points(b, batch * RAYS, 5, 7, 0.71, scratch.points[1])
         for k in range(RAYS):
@@ -313,6 +322,110 @@ def _softer_on_first(polygons, a, b, blockers, found):
 
 
 @jit.part
+def _part_side(side, piece, u, v, size, out):
+    """A cell of a `Side` as a `Side` with a centre and radius of its own; all of the side if `piece` is negative."""
+    if piece < 0:
+        return side
+    cell = _cell_side(side, piece, u, v, size, out)
+    x = y = z = radius = 0.0
+    for k in range(4):
+        x, y, z = x + 0.25 * out[k, 0], y + 0.25 * out[k, 1], z + 0.25 * out[k, 2]
+    for k in range(4):
+        radius = max(radius, (out[k, 0] - x) ** 2 + (out[k, 1] - y) ** 2 + (out[k, 2] - z) ** 2)
+    return Side(out, cell.sides, cell.nx, cell.ny, cell.nz, x, y, z, math.sqrt(radius))
+
+
+@jit.part
+def _fewer_by_first(polygons, a, b, blockers, found):
+    """Whether quartering a, rather than b, leaves fewer of the obstacles between parts.
+
+    At an obstacle the shaft is as wide as either polygon is large, times the obstacle's share of the way from the other.
+    """
+    by_a = by_b = 0.0
+    for k in range(found):
+        x, y, z = polygons.centre[blockers[k], 0], polygons.centre[blockers[k], 1], polygons.centre[blockers[k], 2]
+        from_a = abs((x - a.x) * a.nx + (y - a.y) * a.ny + (z - a.z) * a.nz)
+        from_b = abs((x - b.x) * b.nx + (y - b.y) * b.ny + (z - b.z) * b.nz)
+        way = max(from_a + from_b, polygons.epsilon[0])
+        by_a, by_b = by_a + a.radius * from_b / way, by_b + b.radius * from_a / way
+    return by_a >= by_b
+
+
+@jit.part
+def _quarter(parts, depth, sides, column):
+    """Replace the pair of parts in row `depth` by those with the quarters of one of the two, told from `column` on; the row after them.
+
+    `sides`: Corners of that one.
+    """
+    piece, u, v, half = parts[depth, column], parts[depth, column + 1], parts[depth, column + 2], 0.5 * parts[depth, column + 3]
+    other = 4 - column
+    o, p, q, r, level = parts[depth, other], parts[depth, other + 1], parts[depth, other + 2], parts[depth, other + 3], parts[depth, 8] + 1.0
+    first, count = max(piece, 0.0), 8 if piece < 0.0 and sides == 5 else 4
+    for row in range(count):
+        k = depth + row
+        parts[k, column], parts[k, column + 1], parts[k, column + 2] = first + (row >> 2), u + half * (row & 1), v + half * (row >> 1 & 1)
+        parts[k, column + 3], parts[k, 8] = half, level
+        parts[k, other], parts[k, other + 1], parts[k, other + 2], parts[k, other + 3] = o, p, q, r
+    return depth + count
+
+
+@jit.part
+def _by_parts(world, p, q, a, b, found, whole, wanted, floor, scratch):
+    """The exchange of `a` with `b`, of polygons p and q, with `found` obstacles between them, and the error estimated. `whole`: without them.
+
+    Where obstacles are too many, or cut too much, the pair is quartered: fewer are between parts. Of parts half as large there are four, whose errors
+    are of either sign: each may be off by twice the share. Where all that parts exchange is worth little, or they are the smallest, rays must do.
+    """
+    parts, blockers = scratch.parts, scratch.blockers[0]
+    for k in range(9):
+        parts[0, k] = 0.0
+    parts[0, 0] = parts[0, 4] = -1.0
+    parts[0, 3] = parts[0, 7] = 1.0
+    depth, all_of_it, value, error = np.int64(0), whole, 0.0, 0.0
+    one, other = a, b
+    while True:  # the pair in row `depth`, with `found` obstacles between
+        level = np.int64(parts[depth, 8])
+        share = 0.5**level * floor
+        part, wrong = -1.0, 0.0
+        if 0 <= found <= BLOCKERS:
+            soft = _softer_on_first(world.obstacles, one, other, blockers, found)
+            first, second = (one, other) if soft else (other, one)
+            size = parts[depth, 3 if soft else 7]
+            levels = wanted.levels
+            while size < 1.0 and levels:
+                size, levels = 2.0 * size, levels - 1
+            part, wrong = _partly_hidden(world, first, second, found, whole, 2.0**level * wanted.tolerance, levels, share, scratch)
+            part = min(part, whole)
+        if part < 0.0 and (level == _SMALLEST or _DOUBT * whole <= share):
+            part, wrong = _by_rays(world, one, other, whole, wanted, max(wanted.batches >> 2 * level, 1), share, scratch)
+        if part >= 0.0:
+            value, error = value + part, error + wrong
+        else:
+            by_first = _fewer_by_first(world.obstacles, one, other, blockers, min(found, BLOCKERS))
+            depth = _quarter(parts, depth, one.sides if by_first else other.sides, 0 if by_first else 4)
+        found = np.int64(0)
+        while found == 0:  # on to the next pair with obstacles between
+            if depth == 0:
+                return min(value, all_of_it), error
+            depth -= 1
+            row = parts[depth]
+            one = _part_side(a, np.int64(row[0]), row[1], row[2], row[3], scratch.part_a)
+            other = _part_side(b, np.int64(row[4]), row[5], row[6], row[7], scratch.part_b)
+            found = find_blockers(
+                world.obstacles, world.box, world.link, world.order, world.owner[p], world.owner[q], one, other, blockers, scratch.planes,
+                scratch.bounds,
+            )  # fmt: skip
+            if found == HIDDEN:
+                found = np.int64(0)
+                continue
+            size = max(one.radius + other.radius, math.sqrt((one.x - other.x) ** 2 + (one.y - other.y) ** 2 + (one.z - other.z) ** 2))
+            share = 0.5 ** row[8] * floor
+            whole, wrong = contour_integral(one.corners, one.sides, other.corners, other.sides, size, wanted.tolerance, share, scratch.terms)
+            if found == 0:
+                value, error = value + whole, error + wrong
+
+
+@jit.part
 def _facing(world, p, q, a, b, cut, wanted, floor, scratch, only_plain):
     """The exchange of polygon p, or the part `a` cut from it, with `b` of polygon q, and the error estimated; see `exchange`."""
     polygons = world.polygons
@@ -332,12 +445,7 @@ def _facing(world, p, q, a, b, cut, wanted, floor, scratch, only_plain):
         return (0.0 if hidden else value), value
     if only_plain is not None:
         return 0.0, NOT_PLAIN
-    if found <= BLOCKERS:
-        first, second = (a, b) if _softer_on_first(world.obstacles, a, b, scratch.blockers[0], found) else (b, a)
-        part, error = _partly_hidden(world, first, second, found, value, wanted, floor, scratch)
-        if part >= 0.0:
-            return min(part, value), error
-    return _by_rays(world, a, b, value, wanted, floor, scratch)
+    return _by_parts(world, p, q, a, b, found, value, wanted, floor, scratch)
 
 
 @jit.part

@@ -11,10 +11,10 @@ from typing import NamedTuple
 from luxel.arrays import Array
 from luxel.cuda.machine import add
 from luxel.jit import part
-from luxel.radiosity.pairs import CELLS, LEVELS, PIECE_CORNERS, PIECES, PLANES, RAYS, Scratch, exchange
+from luxel.radiosity.pairs import CELLS, LEVELS, PARTS, PIECE_CORNERS, PIECES, PLANES, RAYS, Scratch, exchange
 from luxel.radiosity.shaft import BLOCKERS, CORNERS
 
-__all__ = ["BLOCKERS", "CELLS", "CORNERS", "LEVELS", "PIECES", "PIECE_CORNERS", "PLANES", "RAYS", "Found", "Room", "Scratch", "add_pairs",
+__all__ = ["BLOCKERS", "CELLS", "CORNERS", "LEVELS", "PARTS", "PIECES", "PIECE_CORNERS", "PLANES", "RAYS", "Found", "Room", "Scratch", "add_pairs",
            "exchange_hidden", "exchange_plain"]  # fmt: skip
 
 WAITING, TAKEN, COUNTS = 0, 1, 2
