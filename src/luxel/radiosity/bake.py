@@ -36,7 +36,7 @@ from luxel.radiosity.occlusion import Occlusion, prepare
 from luxel.radiosity.pages import triangle_pages
 from luxel.radiosity.rays import scene_masks
 from luxel.radiosity.relight import Transport, transport_of
-from luxel.radiosity.solve import Problem, Rows, Source, State, Step, ambient, complete, element_steps, light_steps, patch_steps, start
+from luxel.radiosity.solve import Problem, Rows, Source, State, Step, ambient, complete, element_steps, light_steps, patch_steps, settled, start
 from luxel.radiosity.spots import find_spots, spot_rows
 from luxel.radiosity.transport import ROW_BYTES
 from luxel.radiosity.unwrap import Atlas, expected_luxels, unwrap
@@ -244,7 +244,7 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
     clock.lap("solve")
     if labour.team.leads:
         _tell_of_loss(state)
-    received = state.received + ambient(problem, state)[:, None].astype(np.float32)
+    received = settled(problem, state, settings.seen > 0) if finished else state.received + ambient(problem, state)[:, None].astype(np.float32)
     if finished and (settings.gathered or (settings.seen and settings.unlike < math.inf)):
         received = state.direct + _last_bounce(prepared, whole_sight, (problem.albedo * received).T.copy(), settings, labour, told)
         clock.lap("gather")
@@ -255,7 +255,7 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
         baked.transport = kept if transport else None
         clock.lap("transport")
         if layers:
-            baked.layers = _layers(prepared, kept, lamps, sight, labour)
+            baked.layers = _layers(prepared, kept, lamps, sight, values, labour)
             clock.lap("layers")
     return baked
 
@@ -361,8 +361,12 @@ def _rows(problem: Problem, source: Source | None, kept: int, labour: Labour) ->
     return Rows(0 if source is None else len(source.tree.patches), problem.own.numbers.shape[1], kept, labour.empty)
 
 
-def _layers(prepared: _Prepared, kept: Transport | None, lamps: Lamps, sight: Callable[[], Sight], labour: Labour) -> dict[str, Array]:
-    """(n, 3) float32 irradiance by lamp: objects with emissive surfaces, lights of the scene, the sky; none where there is no transport."""
+def _layers(prepared: _Prepared, kept: Transport | None, lamps: Lamps, sight: Callable[[], Sight], whole: Array,
+            labour: Labour) -> dict[str, Array]:  # fmt: skip
+    """(n, 3) float32 irradiance by lamp: objects with emissive surfaces, lights of the scene, the sky; none where there is no transport.
+
+    For the whole, luxels have looked closer in the last bounce than what is kept tells: each lamp has the share of it that is its own by that.
+    """
     scene, luxels = prepared.atlas.scene, prepared.luxels
     layers: dict[str, Array] = {}
 
@@ -388,7 +392,9 @@ def _layers(prepared: _Prepared, kept: Transport | None, lamps: Lamps, sight: Ca
         add(light.name or f"light {row}", shine(slice(row, row + 1), False), dark)
     if lamps.sky is not None:
         add("sky", shine(slice(lamps.own, None), True), dark)
-    return layers
+    sums = np.sum([np.zeros(whole.shape), *layers.values()], 0)
+    share = np.divide(whole, sums, out=np.ones_like(sums), where=sums > 0)
+    return {name: (layer * share).astype(np.float32) for name, layer in layers.items()}
 
 
 def _quality(quality: str | Quality, tolerance: float | None) -> Quality:
