@@ -15,6 +15,7 @@ from luxel.cuda.relight import ResidentTransport
 from luxel.cuda.resident import Resident
 from luxel.radiosity.bake import bake
 from luxel.radiosity.elements import Quality
+from luxel.radiosity.spots import _found as found_spots
 from luxel.raster.render import Options, prepare
 from luxel.scene.builtin import cornell_box
 
@@ -41,7 +42,7 @@ def launched():
     """Every kernel, as it is compiled when it is first launched: by name."""
     bare = [luxel.Material(alpha_mode=mode) for mode in ("OPAQUE", "MASK", "BLEND")]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("luxel.radiosity.spots.bright", lambda *_: np.arange(2))
+        patch.setattr("luxel.radiosity.spots._found", lambda *given: np.append(found_spots(*given), [0, 1])[-2:])
         transport = bake(cornell_box(), density=2, transport=True).transport
         found = stub.install(patch, *MODULES)
         for made, shading, options in ((bare, None, {"filter": "tent"}), (bare, "gouraud", {}), (materials(), None, {"outputs": EVERYTHING})):

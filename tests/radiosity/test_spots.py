@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from closed import box, matte
+from scipy.spatial import KDTree
 
 from luxel import InputError, Light, Mesh, Scene, Transport
 from luxel.radiosity.bake import bake
@@ -68,17 +69,32 @@ def test_a_scene_without_spots_is_baked_as_if_there_were_none():
         assert one.irradiance.tobytes() == other.irradiance.tobytes()
 
 
-def test_spots_are_what_is_few_and_bright_and_worth_it():
-    area, albedo, direct = np.ones(1000, np.float32), np.full((3, 1000), 0.5, np.float32), np.ones((3, 1000), np.float32)
-    assert not len(bright(direct, albedo, area))
-    direct[:, [7, 500]] = 1000.0
-    np.testing.assert_array_equal(bright(direct, albedo, area), [7, 500])
-    direct[:, 100:115] = 2000.0  # no more than a hundredth of all surface
-    np.testing.assert_array_equal(bright(direct, albedo, area), np.arange(100, 110))
-    area[:] = 1.0
-    direct[:], area[3], direct[:, 3] = 1.0, 1e-4, 1000.0  # as bright, but too little light
-    assert not len(bright(direct, albedo, area))
-    assert not len(bright(np.zeros_like(direct), albedo, area))
+def test_spots_are_what_is_few_and_far_brighter_than_where_it_is_seen():
+    area, around, radiosity = np.ones(1000, np.float32), np.ones(1000), np.ones(1000)
+    assert not len(bright(radiosity, around, area))
+    radiosity[[7, 500]] = 1000.0
+    np.testing.assert_array_equal(bright(radiosity, around, area), [7, 500])
+    radiosity[100:115] = 2000.0  # no more than a hundredth of all surface
+    np.testing.assert_array_equal(bright(radiosity, around, area), np.arange(100, 110))
+    around[100:115] = 1000.0  # where it is bright
+    np.testing.assert_array_equal(bright(radiosity, around, area), [7, 500])
+    around[7] = 0.0  # where nobody sees it
+    np.testing.assert_array_equal(bright(radiosity, around, area), [500])
+
+
+def test_a_brighter_room_elsewhere_takes_no_spots_from_a_dim_one():
+    """A closed room, alone and beside a closed one that is a thousand times as bright."""
+    scene = lit_ceiling()
+    alone = bake(scene, density=20)
+    box([matte(0.5)] * 3 + [matte(0.7, 5.0)] + [matte(0.5)] * 2, (3, 0, 0), (4, 1, 1), scene)
+    both = bake(scene, density=20)
+    place = [np.c_[baked.luxels.position, baked.luxels.face_normal] for baked in (alone, both)]  # charts may lie otherwise
+    apart, same = KDTree(place[1]).query(place[0])
+    chosen = alone.valid & (apart < 0.01)
+    assert chosen.mean() > 0.9
+    truth, found = alone.irradiance[chosen], both.irradiance[same[chosen]]
+    assert np.sqrt(((found - truth) ** 2).mean()) < 0.03 * truth.mean()
+    assert abs(found.mean() / truth.mean() - 1) < 0.005
 
 
 def test_the_ledger_holds(kept):

@@ -28,6 +28,7 @@ def bodies(again: Callable[[str], Any]) -> tuple[dict[str, Any], dict[str, Any]]
         "find_again": look.find_again,
         "receive_rows": shoot.receive, "send_unshot": settle.send, "share_sent": settle.share_sent, "find_scale": settle.find_scale,
         "find_powers": spots.power_of, "hide_spots": spots.hide, "receive_spots": light.receive_element,
+        "find_brightness": spots.brightness,
         "take_in": settle.take_in, "note_direct": settle.note_direct, "forget": settle.forget, "share_stock": settle.share_stock,
         "find_bright": choose.find_bright, "clear_winners": choose.clear_winner, "pick": choose.pick, "line_up": choose.line_up,
         "place_rows": choose.place_rows, "aim_shooters": choose.aim_shooter, "settle_rows": choose.settle_row, "sum_shots": choose.sum_shots,

@@ -199,6 +199,25 @@ class GpuLabour(Labour):
         gpu.launch(self.kernels.count_away, (n, 1), eyes.numbers, hits, away)
         return Sight(hits, away)
 
+    def pass_on(self, sight: Sight, light: Array) -> Array:
+        """(3, n) float32: what elements receive of `light` (n, 3). In a solve `GpuState.pass_on` does it."""
+        gpu, n = self.gpu, len(light)
+
+        def gathered(light: Array) -> Array:
+            result = gpu.empty((3, n), _F)
+            gpu.launch(self.kernels.gather_mean, (n, 1), 0, sight.hits, gpu.array(padded(light)), result)
+            return np.asarray(gpu.host(result))
+
+        return self.shared(sight.spots, light, gathered)
+
+    def brightness_around(self, sight: Sight, own: Elements, elements: Elements, irradiance: Array) -> Array:
+        """(n,) float64 W/m2."""
+        gpu, n = self.gpu, len(irradiance)
+        result = gpu.empty((n,), np.float64)
+        root = gpu.array(np.sqrt(irradiance).astype(_F))
+        gpu.launch(self.kernels.find_brightness, (n, 1), sight.hits, self.there(elements.numbers), root, result)
+        return np.asarray(gpu.host(result))
+
     def look_closer(self, view: View, sight: Sight, light: Array, unlike: float, told: Callable[[float], None]) -> Array:
         """(3, n) float32: the mean of `light` (n, 3) over what elements have met, and more rays where it is unlike."""
         gpu, k, eyes, n = self.gpu, self.kernels, self.eyes(view), view.numbers.shape[1]

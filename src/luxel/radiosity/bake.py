@@ -176,7 +176,7 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
         density: Luxels per metre; None: chosen from the scene's size.
         page: Side of a lightmap page, texels.
         sky: Radiance, W/(m2 sr): a number, (3,), or an equirectangular (h, w, 3) picture; None: no sky.
-        tolerance: Share of the emitted light that may stay unshot; it is spread evenly. None: the quality's.
+        tolerance: Share of the emitted light that may stay unshot; it is spread as the last bounce was. None: the quality's.
         seconds: Stop shooting after so long, whatever is unshot.
         threads: None: all cores this process may use, or a rank's part of them. The result does not depend on it.
         progress: Called after each batch of shots with the unshot share and a `Progress`.
@@ -223,7 +223,7 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
 
     @cache
     def whole_sight() -> Sight:  # once the lights have shot
-        return sight()._replace(spots=find_spots(problem, state.direct, settings, labour))
+        return sight()._replace(spots=find_spots(problem, sight(), state.direct, settings, labour))
 
     still = labour.join(lamps.shine(prepared.view, sight, slice(None), True, labour), n)
     state = start(problem, still, labour.threads)

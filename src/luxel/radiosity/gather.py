@@ -19,7 +19,7 @@ from luxel.arrays import Array
 from luxel.jit import float_bits, floor32
 from luxel.radiosity import packet
 from luxel.radiosity.directions import cosine_directions, turned
-from luxel.radiosity.element import AREA, FREE, GX, GY, GZ, LIFT, NX, NZ, SPOTS, free_spot, point_of
+from luxel.radiosity.element import AREA, FREE, GX, GY, GZ, LIFT, NX, NZ, PX, PY, PZ, SPOTS, free_spot, point_of
 from luxel.radiosity.hemicube import frames_of
 from luxel.radiosity.lightmap import like
 from luxel.radiosity.occlusion import Occlusion
@@ -256,6 +256,42 @@ def gather(hits: Array, light: Array, threads: int) -> Array:
     """(3, k) float32: the mean of `light` (n, 3) float32 over what the rays of k elements meet, `hits` (k, rays)."""
     result = np.empty((3, len(hits)), np.float32)
     jit.run(_mean, threads, hits, padded(light), 0, result)
+    return result
+
+
+@jit.part
+def lit_around(k, hits, own, numbers, root):
+    """How bright it is where element `k` of `own` (17, k) is seen: the mean of `root` (n,) float32, square roots of irradiance, over the surface
+    that its rays meet, squared.
+
+    Rays are as many as surface is large, seen from there; times the squared distance, as it is large. Roots, so that what is seen of a far
+    brighter place through a door does not count for more than all of this one.
+    """
+    total = whole = 0.0
+    for r in range(np.uint64(hits.shape[1])):
+        e = hits[k, r]
+        if e >= 0:
+            dx, dy, dz = numbers[PX, e] - own[PX, k], numbers[PY, e] - own[PY, k], numbers[PZ, e] - own[PZ, k]
+            square = np.float64(dx * dx + dy * dy + dz * dz)
+            total, whole = total + square * np.float64(root[e]), whole + square
+    mean = total / whole if whole > 0.0 else 0.0
+    return mean * mean
+
+
+@jit.parallel_kernel
+def _lit_around(queue, hits, own, numbers, root, result):
+    hits, own, numbers, root, result = jit.borrow(hits), jit.borrow(own), jit.borrow(numbers), jit.borrow(root), jit.borrow(result)
+    chunk = jit.take(queue)
+    while chunk * _CHUNK < len(hits):
+        for k in range(chunk * _CHUNK, min(len(hits), (chunk + 1) * _CHUNK)):
+            result[k] = lit_around(k, hits, own, numbers, root)
+        chunk = jit.take(queue)
+
+
+def brightness_around(hits: Array, own: Array, numbers: Array, irradiance: Array, threads: int) -> Array:
+    """(k,) float64 W/m2: how bright it is where k elements, `own` (17, k), are seen (`lit_around`), of the irradiance (n,) of all (17, n)."""
+    result = np.empty(len(hits))
+    jit.run(_lit_around, threads, hits, own, numbers, np.sqrt(irradiance).astype(np.float32), result)
     return result
 
 

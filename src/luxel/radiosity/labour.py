@@ -151,6 +151,10 @@ class Labour:
         rest, powers = spots.apart(light)
         return gathered(rest) + self.fetch(self.receive(spots.rows, spots.touched, np.arange(len(powers)), powers))
 
+    def brightness_around(self, sight: Sight, own: Elements, elements: Elements, irradiance: Array) -> Array:
+        """(k,) float64 W/m2: how bright it is where this process's elements are seen, by the irradiance (n,) of all (`gather.lit_around`)."""
+        return gather.brightness_around(sight.hits, own.numbers, elements.numbers, irradiance, self.threads)
+
     def look_closer(self, view: View, sight: Sight, light: Array, unlike: float, told: Callable[[float], None]) -> Array:
         """(3, k) float32: the same, with more rays where what they bring is unlike (`closer`)."""
         return gather_closer(view, sight.hits, light, unlike, self.threads, told)

@@ -5,8 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from luxel.jit import part
+from luxel.radiosity.gather import lit_around
 
 _F = np.float32
+
+
+@part
+def brightness(k, hits, numbers, root, result):
+    """result[k] float64: how bright it is where element `k` is seen; see `luxel.radiosity.gather.lit_around`."""
+    result[k] = lit_around(k, hits, numbers, numbers, root)
 
 
 @part
