@@ -7,7 +7,9 @@ from sheets import Sheet, atlas_of, luxels_of, shown
 from luxel.errors import InputError
 from luxel.radiosity.edges import find_seams
 from luxel.radiosity.lightmap import attach, dilate, fill, finish, pages_of, stitch
-from luxel.scene import Material
+from luxel.radiosity.luxels import find_luxels
+from luxel.radiosity.unwrap import unwrap
+from luxel.scene import Material, Mesh, Scene
 
 LEFT = Sheet((0, 0, 0), (1, 0, 0), (0, 0, 1), (2.3, 2.6), (10, 10))
 RIGHT = Sheet((1, 0, 0), (1, 0, 0), (0, 0, 1), (17.7, 3.1), (8, 10))
@@ -143,24 +145,81 @@ def wall(height, at=(20.5, 20.5)):
     [
         ((LEFT, RIGHT), 1),
         ((LEFT, wall(1.0)), 0),  # a crease
-        ((LEFT, RIGHT, wall(1.0)), 0),  # a partition keeps light and shadow apart
-        ((LEFT, RIGHT, wall(-1.0)), 1),  # below, it does not
+        ((LEFT, RIGHT, wall(-1.0)), 1),  # what hangs below keeps nothing apart
         ((LEFT, Sheet((1.02, 0, 0), (1, 0, 0), (0, 0, 1), (17.7, 3.1), (8, 10))), 0),  # a gap of a fifth of a texel
         ((LEFT, Sheet((1.002, 0, 0.1), (1, 0, 0), (0, 0, 0.5), (17.7, 3.1), (8, 10))), 1),  # touching, in parts
         ((LEFT, Sheet((1, 0, 1), (1, 0, 0), (0, 0, 1), (17.7, 3.1), (8, 10))), 0),  # at a corner only
     ],
 )
 def test_seams_are_where_a_surface_goes_on(sheets, seams):
-    assert len(find_seams(atlas_of(sheets)).page) == seams
+    atlas, luxels, pages, _ = light(*sheets, of=lambda luxels: 1.0 + luxels.chart)
+    assert len(find_seams(atlas).page) == seams
+    assert np.array_equal(stitch(atlas, luxels, pages), pages) == (seams == 0)
+
+
+def upright(x, z0=0.0, z1=1.0, y0=0.0, at=(20.5, 20.5)):
+    """A partition, or a face of a wall."""
+    return Sheet((x, 1, z0), (0, 0, z1 - z0), (0, y0 - 1, 0), at, (4, 4))
+
+
+BACK = Sheet((1, 1, 1), (0, 0, -1), (0, -1, 0), (26.5, 26.5), (4, 4))
+
+
+@pytest.mark.parametrize(
+    "partition",
+    [
+        (wall(1.0),),  # on the seam, with its corners
+        (wall(1.0), BACK),  # two quads, back to back
+        (upright(1, 0.0, 0.5), upright(1, 0.5, 1.0, at=(26.5, 26.5))),  # side by side
+        (upright(1, -0.05, 1.05, -0.05),),  # longer all round: it goes through the floor
+        (upright(0.96), upright(1.04, at=(26.5, 26.5))),  # a wall with a thickness
+        (upright(0.92), upright(1.1, at=(26.5, 26.5))),  # its faces at luxels' middles
+    ],
+    ids=["one", "back to back", "side by side", "through the floor", "thick", "at luxels"],
+)
+def test_partition_on_a_seam_keeps_light_and_shadow_apart(partition):
+    atlas, luxels, pages, _ = light(LEFT, RIGHT, *partition, of=lambda luxels: 1.0 + np.minimum(luxels.chart, 2))
+    both = stitch(atlas, luxels, pages)
+    assert np.allclose(both, pages, atol=1e-5)  # the wall's own parts may be stitched
+
+
+def test_seam_inside_a_thick_wall_carries_no_light():
+    sheets = (LEFT, RIGHT, upright(0.8), upright(1.2, at=(26.5, 26.5)))
+    atlas, luxels = atlas_of(sheets), luxels_of(sheets)
+    values, valid = (luxels.position[:, 0] < 1).astype(np.float32), np.abs(luxels.position[:, 0] - 1) > 0.19
+    pages, mask = finish(atlas, luxels, values, valid, gutter=3)
+    assert np.array_equal(pages, dilate(pages_of(luxels, fill(luxels, values[:, None], valid))[0], mask, 3))
 
 
 def test_partition_in_parts_keeps_its_part_apart():
-    half = Sheet((1, 1, 0.0), (0, 0, 0.6), (0, -1, 0), (20.5, 20.5), (8, 8))
     upper = Sheet((1, 0, 0), (1, 0, 0), (0, 0, 0.5), (17, 3), (9, 4))
     lower = Sheet((1, 0, 0.5), (1, 0, 0), (0, 0, 0.5), (17, 13), (9, 6))
-    seams = find_seams(atlas_of((LEFT, upper, lower, half)))
-    ends = {tuple(np.round(seam[0] * 32, 3)) for seam in np.stack([seams.start, seams.end], 1).reshape(-1, 2, 2)}
-    assert len(seams.page) == 2, ends
+    atlas, luxels, pages, _ = light(LEFT, upper, lower, upright(1, 0.0, 0.7), of=lambda luxels: 1.0 + (luxels.chart > 0))
+    both = stitch(atlas, luxels, pages)
+    left = shown(atlas, both, 0, 0 * ALONG + 1, ALONG)
+    right = np.where((ALONG < 0.5)[:, None], *(shown(atlas, both, i, 0 * ALONG, np.clip(2 * ALONG - i + 1, 0, 1)) for i in (1, 2)))
+    assert np.allclose((right - left)[ALONG < 0.5], 1, atol=1e-4)  # a texel or more from the partition's end
+    assert np.abs(right - left)[ALONG > 0.8].max() < 0.02
+
+
+@pytest.mark.parametrize("outside", [True, False])
+@pytest.mark.parametrize(("sides", "density"), [(8, 6), (8, 40), (48, 3), (48, 40)])
+def test_seams_of_bent_surfaces_are_stitched(monkeypatch, sides, density, outside):
+    angle = np.arange(sides + 1) * (2 * np.pi / sides)
+    ring = np.stack([np.cos(angle), 0 * angle, np.sin(angle)], 1)
+    ring[-1] = ring[0]
+    corner = np.arange(sides)
+    faces = np.concatenate([np.stack([corner, corner + sides + 1, corner + 1], 1), np.stack([corner + 1, corner + sides + 1, corner + sides + 2], 1)])
+    places, normals = np.concatenate([ring, ring + np.float64([0, 1, 0])]), np.tile(ring, (2, 1))
+    scene = Scene()
+    scene.add(Mesh(places, faces, normals) if outside else Mesh(places, faces[:, ::-1], -normals), Material())
+    atlas = unwrap(scene, density)
+    luxels = find_luxels(atlas)
+    assert len(find_seams(atlas).page) >= 1
+    pages, mask = pages_of(luxels, np.random.default_rng(3).random((len(luxels.texel), 1)))
+    both = stitch(atlas, luxels, dilate(pages, mask, 4))
+    monkeypatch.setattr("luxel.radiosity.seams.visible", lambda scene, origins, targets, threads: np.ones(len(origins), bool))
+    assert np.array_equal(both, stitch(atlas, luxels, dilate(pages, mask, 4)))
 
 
 def test_finish_is_all_of_it():

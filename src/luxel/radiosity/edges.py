@@ -1,8 +1,8 @@
 """Seams: the places where two edges of charts lie together in the world and apart in the lightmap.
 
 Edges that share both corners are found by sorting. Edges that only lie along each other, as where a long wall touches two short ones,
-are found through points along them. Two edges make a seam where the surface goes on: where the shading normals agree. A third surface
-that stands on the seam, such as a partition without thickness, keeps the two sides apart.
+are found through points along them. Two edges make a seam where the surface goes on: where the shading normals agree. Whether something stands
+between the two sides is for `luxel.radiosity.seams` to see.
 """
 
 from __future__ import annotations
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 ANGLE = 5.0  # degrees between the normals of two sides that are one surface
 _NEAR = 0.1  # texels: edges that touch are nearer than this
-_STANDS = 0.2  # sine of the angle above the surface from which on another one stands on it
 _POINTS = 400_000  # along all edges together
 _LARGEST_GROUP = 12  # edges in one place; more are no seams of surfaces
 
@@ -32,11 +31,19 @@ class Seams(NamedTuple):
     Attributes:
         page: (s, 2) int32: page of the two sides.
         start, end: (s, 2, 2) float64: texture coordinates (u, v) of both sides where the piece begins and ends.
+        place: (s, 2, 3) float64, metres: where it begins and ends in the world.
+        normal: (s, 2, 3) float64, unit: the surface's, there.
+        inward: (s, 2, 3) float64, unit: from the seam into each side's triangle.
+        chart: (s, 2) int32: of the two sides.
     """
 
     page: Array
     start: Array
     end: Array
+    place: Array
+    normal: Array
+    inward: Array
+    chart: Array
 
 
 class Edges(NamedTuple):
@@ -48,6 +55,7 @@ class Edges(NamedTuple):
         normal: (e, 2, 3) float64, unit shading normals.
         page: (e,) int32.
         inward: (e, 3) float64: unit vector in the triangle's plane, away from the edge.
+        chart: (e,) int32.
         key: (e,) uint64: equal for edges between the same two places.
     """
 
@@ -56,6 +64,7 @@ class Edges(NamedTuple):
     normal: Array
     page: Array
     inward: Array
+    chart: Array
     key: Array
 
     def take(self, rows: Array) -> Edges:
@@ -77,8 +86,11 @@ def find_seams(atlas: Atlas, angle: float = ANGLE) -> Seams:
     alone[[exact[:, 0], exact[:, 1]]] = False
     whole = np.stack([edges.uv[exact[:, 0]], _aligned(edges, exact, edges.uv)], 1)  # (s, side, corner, 2)
     along = _along(edges.take(alone), np.array(atlas.size, np.float64), same)
-    page = np.concatenate([edges.page[exact], along.page])
-    return Seams(page, np.concatenate([whole[:, :, 0], along.start]), np.concatenate([whole[:, :, 1], along.end]))
+    first = exact[:, 0]
+    found = Seams(
+        edges.page[exact], whole[:, :, 0], whole[:, :, 1], edges.place[first], edges.normal[first], edges.inward[exact], edges.chart[exact],
+    )  # fmt: skip
+    return Seams(*(np.concatenate(arrays) for arrays in zip(found, along, strict=True)))
 
 
 def _chart_edges(atlas: Atlas) -> Edges:
@@ -96,7 +108,7 @@ def _chart_edges(atlas: Atlas) -> Edges:
     rows = np.flatnonzero((count[back] == 1) & (ends[:, 0] != ends[:, 1]))
     third = geometry.triangles[:, [2, 0, 1]].reshape(-1)[rows]
     key = mixed(list(ends[rows].T))
-    return _edges(geometry, corners[rows], third, page[rows], key)
+    return _edges(geometry, corners[rows], third, page[rows], atlas.chart[rows // 3], key)
 
 
 def _numbers(geometry: Geometry, atlas: Atlas) -> tuple[Array, Array]:
@@ -108,7 +120,7 @@ def _numbers(geometry: Geometry, atlas: Atlas) -> tuple[Array, Array]:
     return place, mixed([place, *texels.T])
 
 
-def _edges(geometry: Geometry, corners: Array, third: Array, page: Array, key: Array) -> Edges:
+def _edges(geometry: Geometry, corners: Array, third: Array, page: Array, chart: Array, key: Array) -> Edges:
     place = geometry.positions[corners].astype(np.float64)
     direction = _unit(place[:, 1] - place[:, 0])
     inward = geometry.positions[third].astype(np.float64) - place[:, 0]
@@ -118,7 +130,8 @@ def _edges(geometry: Geometry, corners: Array, third: Array, page: Array, key: A
     face = np.cross(direction, inward)
     triangle = np.concatenate([corners, third[:, None]], 1)
     lean = (_unit(geometry.normals[triangle].astype(np.float64)) * face[:, None]).sum(2).min(1)
-    return Edges(place, uv, np.where((lean > MOST_LEAN)[:, None, None], normal, face[:, None]), page, inward, key)  # as luxels have them
+    normal = np.where((lean > MOST_LEAN)[:, None, None], normal, face[:, None])  # as luxels have them
+    return Edges(place, uv, normal, page, inward, chart, key)
 
 
 def _unit(vectors: Array) -> Array:
@@ -141,13 +154,7 @@ def _same_corners(edges: Edges, same: float) -> Array:
     """(s, 2) int64: pairs of edges with both corners in one place that are one surface's."""
     pairs = _pairs(edges.key)
     one = ((edges.normal[pairs[:, 0]] * _aligned(edges, pairs, edges.normal)).sum(2) >= same).all(1)
-    middle = _unit(edges.normal.sum(1))
-    # Of every edge: does another one in its place stand on its surface?
-    upright = np.concatenate([pairs, pairs[:, ::-1]])
-    stands = (edges.inward[upright[:, 1]] * middle[upright[:, 0]]).sum(1) > _STANDS
-    blocked = np.zeros(len(edges.page), bool)
-    blocked[upright[stands, 0]] = True
-    return pairs[one & ~(blocked[pairs[:, 0]] & blocked[pairs[:, 1]])]
+    return pairs[one]
 
 
 def _aligned(edges: Edges, pairs: Array, corners: Array) -> Array:
@@ -160,7 +167,8 @@ def _aligned(edges: Edges, pairs: Array, corners: Array) -> Array:
 
 def _along(edges: Edges, size: Array, same: float) -> Seams:
     """Seams of edges that lie along each other without sharing both corners."""
-    none = Seams(np.zeros((0, 2), np.int32), np.zeros((0, 2, 2)), np.zeros((0, 2, 2)))
+    lines, directions = np.zeros((0, 2, 2)), np.zeros((0, 2, 3))
+    none = Seams(edges.page[:0, None].repeat(2, 1), lines, lines, directions, directions, directions, edges.chart[:0, None].repeat(2, 1))
     if len(edges.page) < 2:
         return none
     length = np.linalg.norm(edges.place[:, 1] - edges.place[:, 0], axis=1)
@@ -179,30 +187,10 @@ def _along(edges: Edges, size: Array, same: float) -> Seams:
     b_at = (np.stack([low, high], 1) - ends[:, :1]) / np.where(lies, span, 1)[:, None]
     gap = np.linalg.norm(_at(a.place, a_at) - _at(b.place, b_at), axis=2).max(1)
     normals = _unit(_at(a.normal, a_at)), _unit(_at(b.normal, b_at))
-    together = lies & (gap < near)
-    one = together & ((normals[0] * normals[1]).sum(2) >= same).all(1)
-    one &= ~_stood_on(edges, pairs, together, a_at, b_at, one)
-    rows = np.flatnonzero(one)
-    sides = np.stack([_at(a.uv, a_at)[rows], _at(b.uv, b_at)[rows]], 1)
-    return Seams(edges.page[pairs[rows]], sides[:, :, 0], sides[:, :, 1])
-
-
-def _stood_on(edges: Edges, pairs: Array, together: Array, a_at: Array, b_at: Array, one: Array) -> Array:
-    """(k,) bool: pairs on both of whose edges another surface stands, along most of the piece."""
-    middle = _unit(edges.normal.sum(1))
-    covered = np.zeros((len(edges.page), 2))  # the part of each edge that something stands on
-    covered[:, 0] = np.inf
-    covered[:, 1] = -np.inf
-    for own, other, at in ((0, 1, a_at), (1, 0, b_at)):
-        up = together & ((edges.inward[pairs[:, other]] * middle[pairs[:, own]]).sum(1) > _STANDS)
-        np.minimum.at(covered[:, 0], pairs[up, own], at[up].min(1))
-        np.maximum.at(covered[:, 1], pairs[up, own], at[up].max(1))
-    out = one.copy()
-    for own, at in ((0, a_at), (1, b_at)):
-        part = covered[pairs[:, own]]
-        centre = at.mean(1)
-        out &= (part[:, 0] < centre) & (centre < part[:, 1])
-    return out
+    rows = np.flatnonzero(lies & (gap < near) & ((normals[0] * normals[1]).sum(2) >= same).all(1))
+    sides, both = np.stack([_at(a.uv, a_at)[rows], _at(b.uv, b_at)[rows]], 1), pairs[rows]
+    place = _at(a.place, a_at)[rows]
+    return Seams(edges.page[both], sides[:, :, 0], sides[:, :, 1], place, normals[0][rows], edges.inward[both], edges.chart[both])
 
 
 def _at(corners: Array, t: Array) -> Array:

@@ -131,7 +131,7 @@ def finish(atlas: Atlas, luxels: Luxels, values: Array, valid: Array | None = No
     if valid is not None:
         values = fill(luxels, values, valid)
     pages, mask = pages_of(luxels, values)
-    return stitch(atlas, luxels, dilate(pages, mask, gutter)), mask
+    return stitch(atlas, luxels, dilate(pages, mask, gutter), valid=valid), mask
 
 
 def attach(atlas: Atlas, pages: Array, occlusion: Array | None = None) -> Scene:

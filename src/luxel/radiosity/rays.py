@@ -110,6 +110,16 @@ class EmbreeOccluders:
         return np.concatenate(answers) if answers else np.zeros(0, np.bool_)
 
 
+def scene_obstacles(scene: Scene) -> Occlusion:
+    """What hides in a scene: all triangles but those that are blended, with the holes of masked ones."""
+    from luxel.raster.bin import BLEND
+    from luxel.raster.geometry import flatten
+
+    geometry = flatten(scene, cull="none")
+    blended = np.repeat(geometry.parts.alpha_mode == BLEND, np.diff(geometry.part_start))
+    return prepare(geometry.positions, np.where(blended[:, None], 0, geometry.triangles), scene_masks(scene, geometry))
+
+
 def scene_masks(scene: Scene, geometry: Geometry) -> Masks | None:
     """The alpha of the masked materials of a scene, for the triangles of `flatten(scene, "none")`; None if none is masked."""
     from luxel.scene.material import Material

@@ -3,6 +3,8 @@
 Along each seam, points are sampled on both sides as a renderer does, bilinearly; the difference is to vanish, with the least change of the
 texels that take part (Iwanicki 2013, "Lighting technology of The Last of Us", SIGGRAPH; least squares over all seams at once). Texels of
 the gutter, which nothing but such samples shows, may change more than luxels. Texels that no seam's sample touches stay as they are.
+
+A sample counts only where its two sides see each other: a wall that stands on a seam keeps light and shadow apart, however it is modelled.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ import numpy as np
 
 from luxel.arrays import Array, checked
 from luxel.radiosity.edges import ANGLE, Seams, find_seams
+from luxel.radiosity.rays import scene_obstacles, visible
 
 if TYPE_CHECKING:
     from luxel.radiosity.luxels import Luxels
@@ -20,10 +23,12 @@ if TYPE_CHECKING:
 
 _A_TEXEL = 4  # samples along a seam for each texel of its finer side
 _MOST = 8192  # samples along one piece
+_BEYOND = 1.1  # of the way to a luxel's middle: walls often have their faces just there, and what an end lies on does not hide it
+_LIFT = 0.25  # of the way from side to side: clears the ridge between facets that turn by up to 60 degrees
 _KEEP, _KEEP_GUTTER = 1e-3, 1e-4  # weight of a texel's change, squared, beside that of a sample's difference
 
 
-def stitch(atlas: Atlas, luxels: Luxels, pages: Array, angle: float = ANGLE) -> Array:
+def stitch(atlas: Atlas, luxels: Luxels, pages: Array, angle: float = ANGLE, valid: Array | None = None) -> Array:
     """Let the light agree along all seams: of charts that share an edge, and of objects that touch.
 
     Args:
@@ -31,6 +36,7 @@ def stitch(atlas: Atlas, luxels: Luxels, pages: Array, angle: float = ANGLE) -> 
         luxels: Which texels are luxels.
         pages: (p, h, w, c) float32, not negative, with a value in at least one texel around the charts (`lightmap.dilate`); not changed.
         angle: Degrees between shading normals up to which two sides are one surface.
+        valid: (n,) bool: luxels that are not inside solids; None: all.
 
     Returns:
         (p, h, w, c) float32, not negative.
@@ -39,31 +45,70 @@ def stitch(atlas: Atlas, luxels: Luxels, pages: Array, angle: float = ANGLE) -> 
     seams = find_seams(atlas, angle)
     if not len(seams.page):
         return pages
-    sides = _samples(seams, luxels.shape)
+    piece, t = _samples(seams, luxels.shape)
+    points = _between(seams.start[piece], seams.end[piece], t[:, :, None]) * np.array(atlas.size, np.float64)
+    sides = [_bilinear(seams.page[piece, side], points[:, side], luxels.shape) for side in (0, 1)]
+    page, row, column = luxels.texel.T.astype(np.int64)
+    number = np.full(pages[..., 0].size, -1, np.int32)
+    number[(page * luxels.shape[1] + row) * luxels.shape[2] + column] = np.arange(len(row))
+    joined = _joined(atlas, luxels, seams, piece, t, [number[side[0]] for side in sides], valid)
+    sides = [(texels[joined], weights[joined]) for texels, weights in sides]
+    if not len(sides[0][0]):
+        return pages
     texels, columns = np.unique(np.concatenate([side[0] for side in sides], 1), return_inverse=True)
     columns = columns.reshape(len(sides[0][0]), 2, 4)
     weights = np.stack([sides[0][1], -sides[1][1]], 1)
     flat = pages.reshape(-1, pages.shape[-1])
-    page, row, column = luxels.texel.T.astype(np.int64)
-    inside = np.zeros(len(flat), bool)
-    inside[(page * luxels.shape[1] + row) * luxels.shape[2] + column] = True
-    keep = np.where(inside[texels], _KEEP, _KEEP_GUTTER)
+    keep = np.where(number[texels] >= 0, _KEEP, _KEEP_GUTTER)
     flat[texels] = np.maximum(_agree(columns.reshape(-1, 8), weights.reshape(-1, 8), flat[texels].astype(np.float64), keep), 0)
     return pages
 
 
-def _samples(seams: Seams, shape: tuple[int, int, int]) -> list[tuple[Array, Array]]:
-    """Of both sides, for k points along the seams: (k, 4) int64 texels, numbered over all pages, and (k, 4) float64 weights."""
+def _samples(seams: Seams, shape: tuple[int, int, int]) -> tuple[Array, Array]:
+    """For k points along the seams: (k,) int64 their pieces, and (k, 1) float64 where on them they are, 0..1."""
     size = np.array([shape[2], shape[1]], np.float64)
     length = np.linalg.norm((seams.end - seams.start) * size, axis=2).max(1)
     count = np.clip(np.ceil(length * _A_TEXEL) + 1, 2, _MOST).astype(np.int64)
     piece = np.repeat(np.arange(len(count)), count)
     step = np.arange(len(piece)) - np.repeat(np.cumsum(count) - count, count)
-    t = (step / (count[piece] - 1))[:, None]
-    return [
-        _bilinear(seams.page[piece, side], (seams.start[piece, side] * (1 - t) + seams.end[piece, side] * t) * size, shape)
-        for side in (0, 1)
-    ]
+    return piece, (step / (count[piece] - 1))[:, None]
+
+
+def _between(start: Array, end: Array, t: Array) -> Array:
+    return start * (1 - t) + end * t
+
+
+def _joined(atlas: Atlas, luxels: Luxels, seams: Seams, piece: Array, t: Array, rows: list[Array], valid: Array | None) -> Array:
+    """(k,) bool: samples whose two sides see each other, just above the surface and from the luxels that they would change.
+
+    A sample with luxels inside solids on both sides does not count: nobody sees the seam there, and through the solid's inside its sides would.
+
+    Args:
+        piece, t: Of `_samples`.
+        rows: Of both sides, (k, 4) int32: the luxels that the samples read, -1 where they read another texel.
+    """
+    place = _between(seams.place[piece, 0], seams.place[piece, 1], t)
+    ends, solid = [], np.full(len(piece), valid is not None)
+    for side, row in enumerate(rows):
+        own = (row >= 0) & (luxels.chart[row] == seams.chart[piece, side, None])
+        ends.append(place + _BEYOND * _farthest(luxels.position, seams, piece, side, place, np.where(own, row, -1)))
+        if valid is not None:
+            solid &= own.any(1) & ~(own & valid[row]).any(1)
+    lift = _between(seams.normal[piece, 0], seams.normal[piece, 1], t) * (_LIFT * np.linalg.norm(ends[1] - ends[0], axis=1)[:, None])
+    return ~solid & visible(scene_obstacles(atlas.scene), ends[0] + lift, ends[1] + lift, 1)
+
+
+def _farthest(position: Array, seams: Seams, piece: Array, side: int, place: Array, rows: Array) -> Array:
+    """(k, 3) float64, metres: from samples at `place` across the seam to the one of their luxels that is deepest in a side; 0 if none is."""
+    along = seams.place[piece, 1] - seams.place[piece, 0]
+    along /= np.maximum(np.linalg.norm(along, axis=1), 1e-30)[:, None]
+    way, deepest = np.zeros(place.shape), np.zeros(len(place))
+    for row in rows.T:
+        to = position[row] - place
+        depth = (to * seams.inward[piece, side]).sum(1)
+        better = (row >= 0) & (depth > deepest)
+        way[better], deepest[better] = to[better], depth[better]
+    return way - (way * along).sum(1)[:, None] * along
 
 
 def _bilinear(page: Array, point: Array, shape: tuple[int, int, int]) -> tuple[Array, Array]:
