@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 _A_TEXEL = 4  # samples along a seam for each texel of its finer side
 _MOST = 8192  # samples along one piece
 _BEYOND = 1.1  # of the way to a luxel's middle: walls often have their faces just there, and what an end lies on does not hide it
-_LIFT = 0.25  # of the way from side to side: clears the ridge between facets that turn by up to 60 degrees
+_LIFT = 0.25  # of the way from side to side: what a bent surface may rise between a seam and its luxels
 _KEEP, _KEEP_GUTTER = 1e-3, 1e-4  # weight of a texel's change, squared, beside that of a sample's difference
 
 
@@ -88,14 +88,16 @@ def _joined(atlas: Atlas, luxels: Luxels, seams: Seams, piece: Array, t: Array, 
         rows: Of both sides, (k, 4) int32: the luxels that the samples read, -1 where they read another texel.
     """
     place = _between(seams.place[piece, 0], seams.place[piece, 1], t)
-    ends, solid = [], np.full(len(piece), valid is not None)
+    ways, solid = [], np.full(len(piece), valid is not None)
     for side, row in enumerate(rows):
         own = (row >= 0) & (luxels.chart[row] == seams.chart[piece, side, None])
-        ends.append(place + _BEYOND * _farthest(luxels.position, seams, piece, side, place, np.where(own, row, -1)))
+        ways.append(_BEYOND * _farthest(luxels.position, seams, piece, side, place, np.where(own, row, -1)))
         if valid is not None:
             solid &= own.any(1) & ~(own & valid[row]).any(1)
-    lift = _between(seams.normal[piece, 0], seams.normal[piece, 1], t) * (_LIFT * np.linalg.norm(ends[1] - ends[0], axis=1)[:, None])
-    return ~solid & visible(scene_obstacles(atlas.scene), ends[0] + lift, ends[1] + lift, 1)
+    normal = _between(seams.normal[piece, 0], seams.normal[piece, 1], t)
+    lift = _LIFT * np.linalg.norm(ways[1] - ways[0], axis=1)
+    ends = [place + way + (lift + np.maximum(-(way * normal).sum(1), 0))[:, None] * normal for way in ways]  # no lower than the ridge of a bend
+    return ~solid & visible(scene_obstacles(atlas.scene), ends[0], ends[1], 1)
 
 
 def _farthest(position: Array, seams: Seams, piece: Array, side: int, place: Array, rows: Array) -> Array:
