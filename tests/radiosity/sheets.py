@@ -49,11 +49,13 @@ def luxels_of(sheets, size=(32, 32)):
                 middle = (np.maximum(texel, low) + np.minimum(texel + 1, high)) / 2
                 x, y = (middle - low) / sheet.texels
                 place = np.array(sheet.corner, float) + x * np.array(sheet.right) + y * np.array(sheet.down)
-                rows.append((sheet.page, row, column, chart, *place))
+                face = np.cross(sheet.down, sheet.right)
+                rows.append((sheet.page, row, column, chart, *place, *face / np.linalg.norm(face)))
     table = np.array(sorted(rows))
     shape = (max(sheet.page for sheet in sheets) + 1, size[1], size[0])
-    texel, chart, place = table[:, :3].astype(np.int32), table[:, 3].astype(np.int32), table[:, 4:].astype(np.float32)
-    return SimpleNamespace(texel=texel, chart=chart, position=place, shape=shape)
+    texel, chart = table[:, :3].astype(np.int32), table[:, 3].astype(np.int32)
+    place, face = table[:, 4:7].astype(np.float32), table[:, 7:].astype(np.float32)
+    return SimpleNamespace(texel=texel, chart=chart, position=place, face_normal=face, shape=shape)
 
 
 def shown(atlas, pages, instance, s, t):

@@ -91,7 +91,7 @@ def _joined(atlas: Atlas, luxels: Luxels, seams: Seams, piece: Array, t: Array, 
     ways, solid = [], np.full(len(piece), valid is not None)
     for side, row in enumerate(rows):
         own = (row >= 0) & (luxels.chart[row] == seams.chart[piece, side, None])
-        ways.append(_BEYOND * _farthest(luxels.position, seams, piece, side, place, np.where(own, row, -1)))
+        ways.append(_BEYOND * _deepest(luxels.position, np.where(own, row, -1), place, seams.inward[piece, side]))
         if valid is not None:
             solid &= own.any(1) & ~(own & valid[row]).any(1)
     normal = _between(seams.normal[piece, 0], seams.normal[piece, 1], t)
@@ -100,17 +100,15 @@ def _joined(atlas: Atlas, luxels: Luxels, seams: Seams, piece: Array, t: Array, 
     return ~solid & visible(scene_obstacles(atlas.scene), ends[0], ends[1], 1)
 
 
-def _farthest(position: Array, seams: Seams, piece: Array, side: int, place: Array, rows: Array) -> Array:
-    """(k, 3) float64, metres: from samples at `place` across the seam to the one of their luxels that is deepest in a side; 0 if none is."""
-    along = seams.place[piece, 1] - seams.place[piece, 0]
-    along /= np.maximum(np.linalg.norm(along, axis=1), 1e-30)[:, None]
-    way, deepest = np.zeros(place.shape), np.zeros(len(place))
+def _deepest(position: Array, rows: Array, place: Array, inward: Array) -> Array:
+    """(k, 3) float64, metres: from samples at `place` to the one of their luxels, `rows` (k, 4), that is deepest in their side; 0 if none is."""
+    way, most = np.zeros(place.shape), np.zeros(len(place))
     for row in rows.T:
         to = position[row] - place
-        depth = (to * seams.inward[piece, side]).sum(1)
-        better = (row >= 0) & (depth > deepest)
-        way[better], deepest[better] = to[better], depth[better]
-    return way - (way * along).sum(1)[:, None] * along
+        depth = (to * inward).sum(1)
+        better = (row >= 0) & (depth > most)
+        way[better], most[better] = to[better], depth[better]
+    return way
 
 
 def _bilinear(page: Array, point: Array, shape: tuple[int, int, int]) -> tuple[Array, Array]:
