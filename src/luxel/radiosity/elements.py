@@ -63,8 +63,8 @@ class Quality(NamedTuple):
 
 
 QUALITIES = {
-    "draft": Quality(64, 64, 4, 64, 0, spot_points=128),
-    "normal": Quality(256, 128, 4, 128, 0, unlike=8.0, spot_points=256),
+    "draft": Quality(64, 64, 4, 64, 0, unlike=4.0, spot_points=128),
+    "normal": Quality(256, 128, 4, 128, 0, unlike=4.0, spot_points=256),
     "final": Quality(1024, 128, 16, 128, 1024, spot_points=512),
     "reference": Quality(256, 16, 64, 256, 4096, exact=True),
     "progressive": Quality(256, 128, 4, 0, 0, patch=6),
