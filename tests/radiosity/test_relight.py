@@ -9,7 +9,6 @@ from luxel.radiosity.bake import bake
 from luxel.radiosity.elements import QUALITIES
 from luxel.scene.transforms import look_at
 
-
 ALIKE = QUALITIES["normal"]._replace(unlike=math.inf)
 """Without the closer look of the last bounce, which what is kept does not have."""
 
