@@ -249,13 +249,14 @@ def test_white_of_a_number_is_the_number(capsys, box, tmp_path):
 @pytest.mark.parametrize("quality", ["draft", "final", "progressive"])
 def test_the_bar_is_not_full_before_the_end(box, quality):
     """It never goes back, and the last bounce, when all light is shot, has a part of it."""
-    done, unshot = [], []
-    watch = Watch(lambda bar, label: done.append(bar), None, 1e-3, shares({"quality": quality, "sky": None}), lambda _: None)
+    done, unshot, parts = [], [], shares({"quality": quality, "sky": None})
+    watch = Watch(lambda bar, label: done.append(bar), None, 1e-3, parts, lambda _: None)
     luxel.bake(box, quality=quality, density=25, progress=lambda left, state: (unshot.append(left), watch(left, state)))
     assert all(0 <= a <= b + 1e-12 <= 1 + 1e-9 for a, b in pairwise(done))
     assert done[-1] == pytest.approx(1.0)
     shot = done[next(k for k, left in enumerate(unshot) if left <= 1e-3)]
-    assert shot < 0.5 if quality == "final" else shot > 0.9
+    assert shot == pytest.approx(1 - parts[2], abs=1e-6)
+    assert {"draft": 0 < parts[2] < 0.5, "final": parts[2] > 0.5, "progressive": parts[2] == 0}[quality]
 
 
 def test_the_layout_shows_how_long_it_takes(monkeypatch):
