@@ -13,7 +13,7 @@ from luxel.cuda.threads.settle import ABSORBED, GONE, GOT, HERE, PARTS, POWER, S
 from luxel.radiosity.gather import Sight, Spots
 from luxel.radiosity.labour import Labour
 from luxel.radiosity.patches import patch_starts
-from luxel.radiosity.solve import MOST_LEFT, Problem, Rows, State, balance
+from luxel.radiosity.solve import Problem, Rows, State, balance
 
 if TYPE_CHECKING:
     from luxel.cuda.labour import GpuLabour
@@ -137,7 +137,7 @@ class GpuState(State):
         if from_lights is not None:
             self.gpu.launch(self.kernels.note_direct, (from_lights.shape[1], 1), from_lights, self.there["direct"])
         self.absorbed = self.absorbed + sums[ABSORBED : ABSORBED + 3]
-        self._left, self._left_here = sums[POWER : POWER + 3], (float(sums[HERE]) / self._numbers.shape[1]) ** (1 / MOST_LEFT)
+        self._left, self._left_here = sums[POWER : POWER + 3], float(sums[HERE]) / self._numbers.shape[1]
         for name, new in self._next.items():
             self._next[name], self.there[name] = self.there[name], new
         self.here = {}

@@ -30,9 +30,6 @@ BATCH = 128
 _SHARE = 16  # of the patches, at most, shoot at a time: the brightest are known anew after each batch
 _MOST_GROUPS = 512
 _HERE = 5.0  # times the tolerance: what elements may still have to shoot of what they have received
-MOST_LEFT = 8
-"""A mean of so high a power is that of a tenth of all elements, or of a thousandth, but for a factor of 1.3 or 2.4: a cellar counts beside a sunny
-ground, though hardly any of the light is its own."""
 SCALES = 0.5, 2.0  # of what elements pass on: beyond, there are too few rays to tell
 _ROUNDING = 1e-6
 SCALE_RANGE = 0.25, 4.0
@@ -125,10 +122,9 @@ class State:
 
     @property
     def left_here(self) -> float:
-        """How much elements have to shoot as a share of what they have received: nearly that of those who have most (`MOST_LEFT`)."""
+        """How much elements have to shoot, on the average, as a share of what they have received."""
         unshot, received = self.unshot.sum(0), self.received.sum(0)
-        share = np.divide(unshot, received, out=np.zeros_like(unshot), where=received > 0).astype(np.float64)
-        return float((share**MOST_LEFT).mean() ** (1 / MOST_LEFT))
+        return float(np.divide(unshot, received, out=np.zeros_like(unshot), where=received > 0).mean(dtype=np.float64))
 
     def take_in(self, problem: Problem, gained: Array, threads: int, from_lights: bool = False) -> None:
         """Add what elements have gained, (3, n) float32 W/m2, to what they have received and will shoot."""

@@ -108,7 +108,7 @@ def take_stock(p, c, numbers, starts, albedo, gained, unshot, power, absorbed):
 
 @part
 def share_stock(t, power, absorbed, received, unshot, shares):
-    """Share `t` of what is absorbed and to shoot, and of what elements have still to shoot as shares of what they have received, to a power."""
+    """Share `t` of what is absorbed and to shoot, and of what elements have still to shoot as shares of what they have received."""
     for c in range(3):
         kept = shot = 0.0
         for p in range(t, len(power), shares.shape[1]):
@@ -119,7 +119,5 @@ def share_stock(t, power, absorbed, received, unshot, shares):
     for i in range(t, received.shape[1], shares.shape[1]):
         there = received[0, i] + received[1, i] + received[2, i]
         if there > _F(0.0):
-            left = np.float64((unshot[0, i] + unshot[1, i] + unshot[2, i]) / there)
-            square = left * left
-            here += (square * square) * (square * square)  # to the power of `MOST_LEFT`
+            here += np.float64((unshot[0, i] + unshot[1, i] + unshot[2, i]) / there)
     shares[HERE, t] = here
