@@ -27,6 +27,7 @@ _F = np.float32
 _SIDE = 2  # parts along a side of a cell
 _PARTS = _SIDE * _SIDE
 _AT_ONCE = 1 << 16  # elements
+_FEW = _F(1 / 16)  # of the cells: who sees by fewer, behind a skirting board, say, is dark, and not as bright as what a stray ray meets
 
 
 @jit.part
@@ -94,7 +95,7 @@ def look_closer(i, hits, cell, again, scene, numbers, frame, reach, lookup, ligh
     if rays > 0:
         close = _add_parts(rays, i, scene, numbers, lookup, light, c, stack, close)
     one = _F(1.0 / _PARTS)  # of a cell: so much does one of its rays count beside a cell that is not looked at closer
-    share = _F(1.0) / max(known + close[3] * one, one)
+    share = _F(1.0) / max(known + close[3] * one, _FEW * _F(len(cell)))
     return (red + close[0] * one) * share, (green + close[1] * one) * share, (blue + close[2] * one) * share
 
 
