@@ -32,15 +32,14 @@ from luxel.radiosity.inside import free_places, seen_backs
 from luxel.radiosity.labour import Labour
 from luxel.radiosity.lamps import Lamps, lamps_of
 from luxel.radiosity.luxels import Luxels, find_luxels, part_of, two_sided_triangles
-from luxel.radiosity.occlusion import Occlusion, prepare
+from luxel.radiosity.occlusion import Occlusion
 from luxel.radiosity.pages import triangle_pages
-from luxel.radiosity.rays import scene_masks
+from luxel.radiosity.rays import obstacles, scene_masks
 from luxel.radiosity.relight import Transport, transport_of
 from luxel.radiosity.solve import Problem, Rows, Source, State, Step, ambient, complete, element_steps, light_steps, patch_steps, settled, start
 from luxel.radiosity.spots import find_spots, spot_rows
 from luxel.radiosity.transport import ROW_BYTES
 from luxel.radiosity.unwrap import Atlas, expected_luxels, unwrap
-from luxel.raster.bin import BLEND
 from luxel.raster.geometry import Geometry, flatten
 from luxel.scene.normals import with_normals
 from luxel.scene.scene import Scene
@@ -453,8 +452,7 @@ def _prepare(atlas: Atlas, settings: Quality, fits: Callable[[float, int], None]
     geometry = flatten(atlas.scene, "none")
     two_sided = two_sided_triangles(atlas.scene, geometry)
     masks = scene_masks(atlas.scene, geometry)
-    mode = np.repeat(geometry.parts.alpha_mode, np.diff(geometry.part_start))
-    rays = prepare(geometry.positions, np.where((mode == BLEND)[:, None], 0, geometry.triangles), masks)
+    rays = obstacles(geometry, masks)
     finite = geometry.positions[np.isfinite(geometry.positions).all(1)]
     reach = 2.0 * float(np.linalg.norm(np.ptp(finite, axis=0)))
     sides = frames_of_texels(atlas, geometry, luxels)

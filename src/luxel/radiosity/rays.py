@@ -110,14 +110,12 @@ class EmbreeOccluders:
         return np.concatenate(answers) if answers else np.zeros(0, np.bool_)
 
 
-def scene_obstacles(scene: Scene) -> Occlusion:
-    """What hides in a scene: all triangles but those that are blended, with the holes of masked ones."""
+def obstacles(geometry: Geometry, masks: Masks | None) -> Occlusion:
+    """What hides in `flatten(scene, "none")`: all triangles but those that are blended, with the holes of `scene_masks`."""
     from luxel.raster.bin import BLEND
-    from luxel.raster.geometry import flatten
 
-    geometry = flatten(scene, cull="none")
     blended = np.repeat(geometry.parts.alpha_mode == BLEND, np.diff(geometry.part_start))
-    return prepare(geometry.positions, np.where(blended[:, None], 0, geometry.triangles), scene_masks(scene, geometry))
+    return prepare(geometry.positions, np.where(blended[:, None], 0, geometry.triangles), masks)
 
 
 def scene_masks(scene: Scene, geometry: Geometry) -> Masks | None:

@@ -15,7 +15,8 @@ import numpy as np
 
 from luxel.arrays import Array, checked
 from luxel.radiosity.edges import ANGLE, Seams, find_seams
-from luxel.radiosity.rays import scene_obstacles, visible
+from luxel.radiosity.rays import obstacles, scene_masks, visible
+from luxel.raster.geometry import flatten
 
 if TYPE_CHECKING:
     from luxel.radiosity.luxels import Luxels
@@ -97,7 +98,8 @@ def _joined(atlas: Atlas, luxels: Luxels, seams: Seams, piece: Array, t: Array, 
     normal = _between(seams.normal[piece, 0], seams.normal[piece, 1], t)
     lift = _LIFT * np.linalg.norm(ways[1] - ways[0], axis=1)
     ends = [place + way + (lift + np.maximum(-(way * normal).sum(1), 0))[:, None] * normal for way in ways]  # no lower than the ridge of a bend
-    return ~solid & visible(scene_obstacles(atlas.scene), ends[0], ends[1], 1)
+    geometry = flatten(atlas.scene, "none")
+    return ~solid & visible(obstacles(geometry, scene_masks(atlas.scene, geometry)), ends[0], ends[1], 1)
 
 
 def _deepest(position: Array, rows: Array, place: Array, inward: Array) -> Array:
