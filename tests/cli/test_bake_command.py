@@ -369,7 +369,7 @@ def test_an_earlier_bake_s_state_is_not_taken_for_this_one_s(box, tmp_path, caps
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("luxel.radiosity.bake.find_luxels", interrupted)
+    monkeypatch.setattr("luxel.radiosity.prepare.find_luxels", interrupted)
     for resumes, said in (((), "there was no light yet, so nothing is kept"), (("--resume",), "--resume goes on")):
         assert main(["bake", *map(str, words), *resumes]) == 130
         assert said in capsys.readouterr().err

@@ -52,7 +52,7 @@ def baked():
     """Looked around, lit by a lamp, a light and a sky, gathered; and the brightest patches first."""
     from luxel.cuda import labour
     from luxel.radiosity.bake import bake
-    from luxel.radiosity.elements import Quality
+    from luxel.radiosity.quality import Quality
     from luxel.scene.builtin import cornell_box
 
     scene = cornell_box()

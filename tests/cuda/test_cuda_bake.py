@@ -17,8 +17,8 @@ from luxel.cuda.threads.choose import Batch
 from luxel.cuda.threads.settle import PARTS, SUMS
 from luxel.errors import DeviceError, InputError, LuxelWarning
 from luxel.radiosity.bake import bake
-from luxel.radiosity.elements import QUALITIES, Quality
 from luxel.radiosity.labour import Labour
+from luxel.radiosity.quality import QUALITIES, Quality
 from luxel.scene.builtin import cornell_box
 
 SOME = 1e-4
@@ -329,7 +329,7 @@ def test_the_brightest(gpu, patches, most):
 
 def test_rows_that_are_not_kept_are_filled_again(on, monkeypatch):
     """Of a bake whose rows do not all fit."""
-    monkeypatch.setattr("luxel.radiosity.bake.ROW_BYTES", 1 << 18)
+    monkeypatch.setattr("luxel.radiosity.effort.ROW_BYTES", 1 << 18)
     options = {"quality": Quality(2, 16, 0, 0, 0, tolerance=0.01, patch=24, resolution=32), "density": 10}
     assert_same_light(bake(box(), **options), on(box(), **options))
 

@@ -14,7 +14,7 @@ from luxel.cuda.labour import GpuLabour
 from luxel.cuda.relight import ResidentTransport
 from luxel.cuda.resident import Resident
 from luxel.radiosity.bake import bake
-from luxel.radiosity.elements import Quality
+from luxel.radiosity.quality import Quality
 from luxel.radiosity.spots import _found as found_spots
 from luxel.raster.render import Options, prepare
 from luxel.scene.builtin import cornell_box

@@ -232,7 +232,7 @@ def test_a_broken_checkpoint_is_named(lamp_room, tmp_path):
 
 def test_what_does_not_fit_in_memory_is_refused_before_it_is_laid_out(lamp_room, monkeypatch):
     monkeypatch.setattr("luxel.radiosity.diagnosis.free_bytes", lambda: 1 << 30)
-    monkeypatch.setattr("luxel.radiosity.bake.unwrap", lambda *_: pytest.fail("laid out"))
+    monkeypatch.setattr("luxel.radiosity.prepare.unwrap", lambda *_: pytest.fail("laid out"))
     with pytest.raises(InputError, match=r"luxels would take about .* GB, and 1\.1 GB are free: a density of [0-9.]+ would do") as told:
         bake(lamp_room, density=3000)
     fits = float(re.search(r"density of ([0-9.e+]+)", str(told.value))[1])

@@ -11,8 +11,8 @@ from luxel import Mesh, Scene
 from luxel.radiosity import element, elements, sky
 from luxel.radiosity.bake import bake
 from luxel.radiosity.element import AREA, FREE, GX, PX, SPOTS, UX, VX, find_free
-from luxel.radiosity.elements import Quality
 from luxel.radiosity.occlusion import prepare
+from luxel.radiosity.quality import Quality
 from luxel.radiosity.transfer import polygon_factor
 from luxel.scene.builtin.shapes import sphere
 

@@ -5,8 +5,8 @@ import pytest
 from closed import box, matte
 
 from luxel import Mesh, Scene, jit
-from luxel.radiosity import bake as module
 from luxel.radiosity import packet
+from luxel.radiosity import prepare as module
 from luxel.radiosity.bake import bake
 from luxel.radiosity.directions import _on_hemisphere, cosine_directions
 from luxel.radiosity.element import FREE, SPOTS
@@ -184,13 +184,13 @@ class Compared(Labour):
 
     def look_closer(self, view, sight, light, unlike, told):
         closer = super().look_closer(view, sight, light, unlike, told)
-        self.seen = self.pass_on(sight, light), closer, super().gather(view, light, 4096, told)
+        self.seen = self.bounce(sight, light), closer, super().gather(view, light, 4096, told)
         return closer
 
 
 def last_bounces(scene, monkeypatch, **options):
     compared = Compared(2)
-    monkeypatch.setattr(module, "labour_of", lambda *_: compared)
+    monkeypatch.setattr("luxel.radiosity.bake.labour_of", lambda *_: compared)
     bake(scene, quality="normal", **options)
     return compared.seen
 

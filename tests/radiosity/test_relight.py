@@ -6,7 +6,7 @@ from closed import box, matte
 
 from luxel import FileError, InputError, Light, Transport
 from luxel.radiosity.bake import bake
-from luxel.radiosity.elements import QUALITIES
+from luxel.radiosity.quality import QUALITIES
 from luxel.scene.transforms import look_at
 
 ALIKE = QUALITIES["normal"]._replace(unlike=math.inf)

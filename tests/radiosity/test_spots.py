@@ -9,7 +9,7 @@ from scipy.spatial import KDTree
 
 from luxel import InputError, Light, Mesh, Scene, Transport
 from luxel.radiosity.bake import bake
-from luxel.radiosity.elements import QUALITIES
+from luxel.radiosity.quality import QUALITIES
 from luxel.radiosity.spots import bright
 from luxel.scene.builtin import cornell_box, sphere
 from luxel.scene.transforms import look_at

@@ -7,10 +7,10 @@ from laid import laid_out, rectangle
 import luxel
 from luxel import InputError, Instance, LuxelWarning, Material, Mesh, Scene, Texture, TextureRef
 from luxel.radiosity import packing, pieces
-from luxel.radiosity.bake import effort
 from luxel.radiosity.diagnosis import diagnose, estimate, work_of
-from luxel.radiosity.elements import QUALITIES
+from luxel.radiosity.effort import effort
 from luxel.radiosity.luxels import find_luxels, surface_areas
+from luxel.radiosity.quality import QUALITIES
 from luxel.radiosity.unwrap import unwrap
 from luxel.raster.geometry import flatten
 from luxel.scene.builtin import SCENES, box, icosphere, quad

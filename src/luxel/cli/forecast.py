@@ -17,7 +17,7 @@ from luxel.errors import DarkError, InputError
 if TYPE_CHECKING:
     from luxel.cli.written import Wishes
     from luxel.cluster.comm import Comm
-    from luxel.radiosity.bake import Progress
+    from luxel.radiosity.lighting import Progress
     from luxel.scene import Scene
 
 SCENES = (".glb", ".gltf")
@@ -90,10 +90,10 @@ def tell(console: Console, comm: Comm, file: Path, options: dict[str, Any]) -> N
     import numpy as np
 
     from luxel import load
-    from luxel.radiosity.bake import effort
     from luxel.radiosity.diagnosis import check_memory, diagnose
-    from luxel.radiosity.elements import QUALITIES
+    from luxel.radiosity.effort import effort
     from luxel.radiosity.lamps import lamps_of
+    from luxel.radiosity.quality import QUALITIES
     from luxel.radiosity.unwrap import expected_luxels, unwrap
 
     scene, settings, density, threads = load(file), QUALITIES[options["quality"]], options["density"], options["threads"]

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from luxel.radiosity.bake import Progress
+    from luxel.radiosity.lighting import Progress
     from luxel.scene import Scene
 
 _PREVIEW_SIZE = (960, 540)
@@ -69,9 +69,9 @@ class Watch:
 
 def shares(options: dict[str, Any]) -> tuple[float, float, float]:
     """Of the time of a bake, what looking around takes, about, what light takes that shoots and goes on, and the last bounce."""
-    from luxel.radiosity.bake import rays_of
     from luxel.radiosity.diagnosis import work_of
-    from luxel.radiosity.elements import QUALITIES
+    from luxel.radiosity.effort import rays_of
+    from luxel.radiosity.quality import QUALITIES
 
     settings, sky = QUALITIES[options["quality"]], options["sky"] is not None
     if not settings.seen:

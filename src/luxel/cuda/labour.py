@@ -199,7 +199,7 @@ class GpuLabour(Labour):
         gpu.launch(self.kernels.count_away, (n, 1), eyes.numbers, hits, away)
         return Sight(hits, away)
 
-    def pass_on(self, sight: Sight, light: Array) -> Array:
+    def bounce(self, sight: Sight, light: Array) -> Array:
         """(3, n) float32: what elements receive of `light` (n, 3). In a solve `GpuState.pass_on` does it."""
         gpu, n = self.gpu, len(light)
 

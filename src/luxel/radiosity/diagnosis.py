@@ -52,7 +52,7 @@ class Density(NamedTuple):
     most: float
 
 
-class Shooters(NamedTuple):
+class Shooting(NamedTuple):
     """What shoots its light to all luxels.
 
     Attributes:
@@ -161,7 +161,7 @@ class Diagnosis(NamedTuple):
         return "\n".join(lines + [f"fault        {fault}" for fault in self.faults()])
 
 
-def diagnose(atlas: Atlas, threads: int | None = None, rays: int = _RAYS, work: float = _WORK, shooters: Shooters | None = None,
+def diagnose(atlas: Atlas, threads: int | None = None, rays: int = _RAYS, work: float = _WORK, shooting: Shooting | None = None,
              spots: int = 0, laid: float | None = None) -> Diagnosis:  # fmt: skip
     """Look at the lightmap coordinates of a scene, and tell what a bake takes: see `estimate`.
 
@@ -188,7 +188,7 @@ def diagnose(atlas: Atlas, threads: int | None = None, rays: int = _RAYS, work: 
     beyond = np.abs(geometry.texcoords1 - np.float32(0.5)).max(1, initial=0) > 0.5 + _SLACK
     outside = int(np.count_nonzero(beyond[geometry.triangles].any(1) & (surface > 0)))
     charts, triangles = int(atlas.chart.max(initial=-1)) + 1, len(geometry.triangles)
-    memory, seconds = estimate(sides, triangles, rays, work, shooters, spots)
+    memory, seconds = estimate(sides, triangles, rays, work, shooting, spots)
     if laid is not None:
         seconds += laid - triangles * _SECONDS_A_TRIANGLE
     return Diagnosis(
@@ -202,20 +202,20 @@ def work_of(rays: int, gathered: int, closer: bool, sky: bool) -> float:
     return _OWN + rays + _GATHERED * gathered + _CLOSER * closer + _SKY * sky
 
 
-def estimate(luxels: int, triangles: int, rays: int = _RAYS, work: float = _WORK, shooters: Shooters | None = None,
+def estimate(luxels: int, triangles: int, rays: int = _RAYS, work: float = _WORK, shooting: Shooting | None = None,
              spots: int = 0) -> tuple[int, float]:  # fmt: skip
     """Bytes, and seconds on two cores, that a bake will take if each luxel keeps what so many rays meet, and does so much `work_of`.
 
     The time is rough, within a factor of two in rooms: what a ray costs depends on what it meets.
 
     Args:
-        shooters: What shoots, but for lights that draw hemicubes for luxels that look around: those few are in `work`.
+        shooting: What shoots, but for lights that draw hemicubes for luxels that look around: those few are in `work`.
         spots: So many points shoot what spots send on, if there are any: their rows count, their time does not.
     """
     memory = _BYTES_AT_LEAST + luxels * (_BYTES_A_LUXEL + _BYTES_A_RAY * rays) + triangles * _BYTES_A_TRIANGLE
     memory += int(_ROWS_A_SPOT * min(2 * spots * luxels, ROW_BYTES))
     looks = (luxels + min(_SCATTER * triangles, _ALONE * luxels)) * np.log2(triangles + 2.0)
-    shot = 0.0 if shooters is None else shooters.seconds(luxels, triangles)
+    shot = 0.0 if shooting is None else shooting.seconds(luxels, triangles)
     return int(memory), float(_SECONDS_AT_LEAST + triangles * _SECONDS_A_TRIANGLE + looks * work * _SECONDS_A_RAY + shot)
 
 

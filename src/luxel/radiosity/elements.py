@@ -6,7 +6,6 @@ be seen as a surface and not as a few dots.
 
 from __future__ import annotations
 
-import math
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -18,6 +17,7 @@ from luxel.radiosity.labour import Labour
 from luxel.radiosity.luxels import Luxels
 from luxel.radiosity.occlusion import Masks, Occlusion, prepare
 from luxel.radiosity.patches import Tree, build_tree, connected
+from luxel.radiosity.quality import Quality
 from luxel.radiosity.rays import visible
 from luxel.radiosity.solve import Problem, Source, source_of
 from luxel.radiosity.transport import Occluders, Visibility, elements_of
@@ -30,45 +30,6 @@ if TYPE_CHECKING:
 _NEAR = 2e-5  # of the scene's diagonal
 _STEPS = np.array([0.6180339887498949, 0.7548776662466927, 0.5698402909980532])  # 1 / x, x^2 = x + 1; 1 / x and its square, x^3 = x + 1
 _MOST_CUTS = 32  # sub-points along a side of a luxel that emits
-
-
-class Quality(NamedTuple):
-    """How finely the light is cut.
-
-    Attributes:
-        light_points: About so many points for all emitting surfaces, each of which shoots.
-        spot_points: The same for surfaces so bright in the light of these that they shoot as they do (`spots`); 0: none does.
-        light_resolution: Pixels along a face of a light's hemicube.
-        rays: Spots of elements near a light at which each part of it is looked at, by rays; 0: none.
-        seen: Rays by which each element looks around, and through which light is then passed on; 0: patches shoot it, as the lights do.
-        gathered: Rays by which each element looks around once more for the last bounce; 0: it does not.
-        unlike: If not, it looks closer for the last bounce where what it sees differs by more than so many times the mean (`closer`).
-        tolerance: The unshot share of the light at which to stop.
-        patch: Luxels along the side of a patch, where the surface is flat.
-        resolution: Pixels along a face of a patch's hemicube.
-        exact: Rays for all pairs of shooter and element: slow.
-    """
-
-    light_points: int
-    light_resolution: int
-    rays: int
-    seen: int
-    gathered: int
-    unlike: float = math.inf
-    tolerance: float = 1e-3
-    patch: float = 12
-    resolution: int = 64
-    exact: bool = False
-    spot_points: int = 0
-
-
-QUALITIES = {
-    "draft": Quality(64, 64, 4, 64, 0, unlike=4.0, spot_points=128),
-    "normal": Quality(256, 128, 4, 128, 0, unlike=4.0, spot_points=256),
-    "final": Quality(1024, 128, 16, 128, 1024, spot_points=512),
-    "reference": Quality(256, 16, 64, 256, 4096, exact=True),
-    "progressive": Quality(256, 128, 4, 0, 0, patch=6),
-}
 
 
 def frames_of_texels(atlas: Atlas, geometry: Geometry, luxels: Luxels) -> tuple[Array, Array]:

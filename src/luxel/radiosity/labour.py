@@ -140,7 +140,7 @@ class Labour:
         """What this process's elements see by so many rays; `told` hears which share of them has looked."""
         return gather.see_around(view, rays, self.threads, told)
 
-    def pass_on(self, sight: Sight, light: Array) -> Array:
+    def bounce(self, sight: Sight, light: Array) -> Array:
         """(3, k) float32, W/m2: what this process's elements receive of the radiosity of all, `light` (n, 3) float32, through what they see."""
         return self.shared(sight.spots, light, lambda rest: gather.gather(sight.hits, rest, self.threads))
 

@@ -340,7 +340,7 @@ def pass_on(sight: Sight, light: Array, area: Array, labour: Labour) -> tuple[Ar
         sight: With `hits` of this process's elements, and `away` of all.
         light: (n, 3) float32 radiosity, W/m2; `area` (n,) float32, m2.
     """
-    irradiance = labour.join(labour.pass_on(sight, light), len(light))
+    irradiance = labour.join(labour.bounce(sight, light), len(light))
     light = light.T.astype(np.float64)
     sent = light @ area
     scale, away = balance(sent, sent - light @ sight.away, irradiance.astype(np.float64) @ area)

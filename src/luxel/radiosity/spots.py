@@ -13,10 +13,11 @@ import numpy as np
 
 from luxel.arrays import Array
 from luxel.radiosity.element import AREA
-from luxel.radiosity.elements import Quality, shining_source
+from luxel.radiosity.elements import shining_source
 from luxel.radiosity.gather import Sight, Spots
 from luxel.radiosity.labour import Labour
 from luxel.radiosity.patches import patch_starts
+from luxel.radiosity.quality import Quality
 from luxel.radiosity.solve import Problem, Rows, complete
 from luxel.radiosity.transport import ROW_BYTES
 
@@ -46,7 +47,7 @@ def _found(problem: Problem, sight: Sight, direct: Array, labour: Labour) -> Arr
     light, area = np.ascontiguousarray((albedo * direct).T), numbers[AREA].astype(np.float64)
 
     def received(light: Array) -> Array:
-        return np.asarray(labour.join(labour.pass_on(sight, light), n).sum(0, dtype=np.float64))
+        return np.asarray(labour.join(labour.bounce(sight, light), n).sum(0, dtype=np.float64))
 
     once = received(light)
     around = labour.join(labour.brightness_around(sight, problem.own, problem.elements, once), n)
@@ -59,15 +60,20 @@ def _found(problem: Problem, sight: Sight, direct: Array, labour: Labour) -> Arr
     return found if part @ area > _LEAST_LIGHT * (root @ area) else found[:0]
 
 
-def spot_rows(elements: int, quality: Quality) -> int:
-    """About so many rows there are of the spots of a scene of so many elements, if it has any: half as many again at most (1.4 in what was tried)."""
+def spot_points(elements: int, quality: Quality) -> int:
+    """About so many points shoot for the spots of a scene of so many elements, if it has any: each has a row."""
     return min(quality.spot_points, ROW_BYTES // (2 * elements))
+
+
+def most_spot_rows(elements: int, quality: Quality) -> int:
+    """And at most so many: spots of odd shapes are cut to more points than were asked for (1.4 times as many in what was tried)."""
+    return 3 * spot_points(elements, quality) // 2
 
 
 def find_spots(problem: Problem, sight: Sight, direct: Array, quality: Quality, labour: Labour) -> Spots | None:
     """The spots of a scene that lights give so much `direct` light (3, n), and their rows; None if there are none."""
     numbers = problem.elements.numbers
-    points = spot_rows(numbers.shape[1], quality)
+    points = spot_points(numbers.shape[1], quality)
     if not points:
         return None
     element = _found(problem, sight, direct, labour)

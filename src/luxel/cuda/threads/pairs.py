@@ -11,7 +11,8 @@ from typing import NamedTuple
 from luxel.arrays import Array
 from luxel.cuda.machine import add
 from luxel.jit import part
-from luxel.radiosity.pairs import CELLS, LEVELS, PARTS, PIECE_CORNERS, PIECES, PLANES, RAYS, Scratch, exchange
+from luxel.radiosity.obstructed import CELLS, LEVELS, PARTS, PLANES, RAYS
+from luxel.radiosity.pairs import PIECE_CORNERS, PIECES, Scratch, exchange
 from luxel.radiosity.shaft import BLOCKERS, CORNERS
 
 __all__ = ["BLOCKERS", "CELLS", "CORNERS", "LEVELS", "PARTS", "PIECES", "PIECE_CORNERS", "PLANES", "RAYS", "Found", "Room", "Scratch", "add_pairs",

@@ -19,7 +19,8 @@ from luxel.radiosity.batch import ELEMENTS
 from luxel.radiosity.element import AREA
 from luxel.radiosity.hemicube import DOWN, FACES, MOST, OUT, in_frame, is_within, side_bits, snapped, turned
 from luxel.radiosity.occlusion import Occlusion
-from luxel.radiosity.transport import BLOCK, CORNER, DEEPEST, IN_FRONT, MEETS, SCRATCH, aim, all_averted, decoded, fate, share_of
+from luxel.radiosity.share import CORNER, DEEPEST, IN_FRONT, SCRATCH, aim, share_of
+from luxel.radiosity.transport import BLOCK, MEETS, all_averted, decoded, fate
 from luxel.raster.bin import tile_box
 from luxel.raster.clip import clip_polygon
 from luxel.raster.constants import NOTHING
