@@ -10,7 +10,7 @@ import luxel
 from luxel import Mesh, Scene
 from luxel.radiosity import element, elements, sky
 from luxel.radiosity.bake import bake
-from luxel.radiosity.element import AREA, FREE, GX, PX, SPOTS, UX, VX, find_free
+from luxel.radiosity.element import AREA, FREE, GX, PX, SAMPLES, UX, VX, find_free
 from luxel.radiosity.occlusion import prepare
 from luxel.radiosity.quality import Quality
 from luxel.radiosity.transfer import polygon_factor
@@ -120,7 +120,7 @@ def test_what_is_near_a_lamp_is_seen_by_rays():
 
 def test_the_largest_rectangle_of_open_spots():
     rng = np.random.default_rng(1)
-    for bits in [0, 1, (1 << SPOTS) - 1, *(int(b) for b in rng.integers(0, 1 << SPOTS, 300))]:
+    for bits in [0, 1, (1 << SAMPLES) - 1, *(int(b) for b in rng.integers(0, 1 << SAMPLES, 300))]:
         open_ = np.array([[bits >> (4 * r + c) & 1 for c in range(4)] for r in range(4)], bool)
         best = max(((right - left) * (low - top) for left, right in itertools.combinations(range(5), 2)
                     for top, low in itertools.combinations(range(5), 2) if open_[top:low, left:right].all()), default=0)  # fmt: skip
@@ -147,7 +147,7 @@ def test_what_lies_on_an_element_leaves_the_rest(covered, open_):
     cropped = lying(covered)
     np.testing.assert_allclose(cropped[PX : PX + 3], [0.5 - open_ / 2, 0, 0], atol=1e-6)
     np.testing.assert_allclose([cropped[AREA], cropped[UX], cropped[VX + 2]], [open_, open_, 1.0])
-    assert cropped[FREE] == (1 << SPOTS) - 1
+    assert cropped[FREE] == (1 << SAMPLES) - 1
 
 
 @pytest.mark.parametrize("given", [(0.0, False), (0.7, True), (1.0, False)])

@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 from closed import box, matte
 
-from luxel import Mesh, Scene, jit
+from luxel import Light, Mesh, Scene, jit
 from luxel.radiosity import packet
 from luxel.radiosity import prepare as module
 from luxel.radiosity.bake import bake
+from luxel.radiosity.closer import gather_closer
 from luxel.radiosity.directions import _on_hemisphere, cosine_directions
-from luxel.radiosity.element import FREE, SPOTS
-from luxel.radiosity.gather import LOST, NOWHERE, Sight, _spot_of, exchange_of, gather
+from luxel.radiosity.element import FREE, SAMPLES
+from luxel.radiosity.gather import LOST, NOWHERE, Sight, _sample_of, exchange_of, gather
 from luxel.radiosity.hemicube import frames_of
 from luxel.radiosity.labour import Labour
 from luxel.radiosity.nearest import nearest
@@ -18,6 +19,7 @@ from luxel.radiosity.occlusion import Masks, prepare
 from luxel.radiosity.sky import cells, split
 from luxel.radiosity.solve import pass_on
 from luxel.radiosity.transfer import polygon_factor
+from luxel.scene.transforms import look_at
 
 
 @jit.kernel
@@ -216,17 +218,54 @@ def test_what_is_alike_is_not_looked_at_again(monkeypatch):
     np.testing.assert_allclose(closer, once, rtol=1e-5)
 
 
+def test_who_sees_by_hardly_any_ray_is_dark(monkeypatch):
+    """A luxel behind a skirting board: what one stray ray brings is not what all of its rays would."""
+    given = []
+
+    class Kept(Labour):
+        def look_closer(self, *arguments):
+            given.append(arguments)
+            return super().look_closer(*arguments)
+
+    monkeypatch.setattr("luxel.radiosity.bake.labour_of", lambda *_: Kept(2))
+    bake(box([matte(0.5, (0.2, 0.2, 0.2))] * 6), density=6, quality="normal")
+    view, sight, light = given[0][:3]
+    elements, rays = sight.hits.shape
+    for known, share in ((1, 1 / 8), (4, 1 / 2), (8, 1), (64, 1)):  # of 128: a sixteenth tells
+        hits = np.full((elements, rays), LOST, np.int32)
+        hits[:, :: rays // known] = np.arange(elements, dtype=np.int32)[:, None]  # a light that each has for itself
+        seen = gather_closer(view, hits, light, np.inf, 2, lambda _: None)
+        np.testing.assert_allclose(seen, share * light.T, rtol=1e-5)
+
+
+@pytest.mark.parametrize("quality", ["draft", "normal"])
+def test_the_sun_takes_no_light_from_a_cellar(quality):
+    """A lamp's light in a closed room under ground that the sun lights: bakes end by what is left where it is, not by what is left of all light."""
+
+    def lit(*suns):
+        scene = box(matte(0.5), high=(2, 1, 2))
+        ground = np.array([[-3, 1.1, 5], [5, 1.1, 5], [5, 1.1, -3], [-3, 1.1, -3]], np.float32)
+        scene.add(Mesh(ground, np.array([[0, 1, 2], [0, 2, 3]], np.int32)), matte(0.4))
+        scene.lights = [Light("point", intensity=1.0, world_from_light=look_at((0.7, 0.6, 0.7), (0.7, 0, 0.7), (0, 0, 1))), *suns]
+        baked = bake(scene, density=8, quality=quality)
+        return baked.irradiance[baked.luxels.position[:, 1] < 1.05]
+
+    sun = Light("directional", intensity=1000.0, world_from_light=look_at((0, 5, 0), (1.5, 0, 0.5), (0, 0, 1)))
+    alone, under = lit(), lit(sun)
+    assert np.sqrt(((under - alone) ** 2).mean()) < 0.005 * alone.mean()
+
+
 @pytest.mark.parametrize("rays", [256, 1024])
-def test_each_part_of_the_hemisphere_is_seen_from_all_spots(rays):
+def test_each_part_of_the_hemisphere_is_seen_from_all_samples(rays):
     strip = cosine_directions_strip(rays)
-    for k in range(SPOTS):
-        assert {_spot_of(number) for number in np.flatnonzero(strip == k)} == set(range(SPOTS))
+    for k in range(SAMPLES):
+        assert {_sample_of(number) for number in np.flatnonzero(strip == k)} == set(range(SAMPLES))
 
 
 def cosine_directions_strip(rays):
     """Of which sixteenth of the square each ray is, by the second coordinate."""
     cell, _, high = cells(rays)
-    return cell[:, 1] * SPOTS // high
+    return cell[:, 1] * SAMPLES // high
 
 
 @pytest.mark.parametrize("rays", [16, 64, 128, 512])

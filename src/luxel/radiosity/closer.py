@@ -17,8 +17,8 @@ from luxel import jit
 from luxel.arrays import Array
 from luxel.radiosity import packet
 from luxel.radiosity.directions import on_hemisphere
-from luxel.radiosity.element import FREE, NX, NZ, free_spot
-from luxel.radiosity.gather import LOST, View, met_by, padded, spot_of, start_ray
+from luxel.radiosity.element import FREE, NX, NZ, free_sample
+from luxel.radiosity.gather import LOST, View, met_by, padded, sample_of, start_ray
 from luxel.radiosity.hemicube import frames_of
 from luxel.radiosity.packet import WIDTH
 from luxel.radiosity.sky import TOGETHER, cells, rays_to_nowhere
@@ -85,7 +85,7 @@ def look_closer(i, hits, cell, again, scene, numbers, frame, reach, lookup, ligh
                 local[0], local[1], local[2] = on_hemisphere(
                     (a + (part % _SIDE + 0.5) / _SIDE) / wide, (b + (part // _SIDE + 0.5) / _SIDE) / high
                 )
-                start_ray(numbers, frame, local, i, free_spot(free, spot_of(parts)), reach, np.uint64(rays), c)
+                start_ray(numbers, frame, local, i, free_sample(free, sample_of(parts)), reach, np.uint64(rays), c)
                 rays, parts = rays + 1, parts + 1
                 if rays == WIDTH:
                     close, rays = _add_parts(rays, i, scene, numbers, lookup, light, c, stack, close), 0

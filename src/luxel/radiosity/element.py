@@ -1,6 +1,6 @@
-"""Element: the numbers of one, and the spots on it from which it looks around.
+"""Element: the numbers of one, and the samples on it from which it looks around.
 
-Its spots are a grid over the parallelogram of its sides, a little above the surface: there a spot of a curved surface is in front of its
+Its samples are a grid over the parallelogram of its sides, a little above the surface: there a sample of a curved surface is in front of its
 neighbours, and nothing that matters is that thin.
 """
 
@@ -16,34 +16,34 @@ from luxel.arrays import Array
 from luxel.radiosity.nearest import nearest
 from luxel.radiosity.occlusion import Occlusion, occluded
 
-# Rows of `Elements.numbers`; FREE holds a bit for each spot that is not inside something that stands on the element, 0 if only the middle is not.
+# Rows of `Elements.numbers`; FREE holds a bit for each sample that is not inside something that stands on the element, 0 if only the middle is not.
 PX, PY, PZ, NX, NY, NZ, GX, GY, GZ, AREA, UX, UY, UZ, VX, VY, VZ, FREE = range(17)
 
 _SIDE = 4
-SPOTS = _SIDE * _SIDE
+SAMPLES = _SIDE * _SIDE
 """Points of an element, row by row, that stand for its parts."""
 
 LIFT = np.float32(0.025)
-"""Of an element's side: how high above the surface its spots are."""
+"""Of an element's side: how high above the surface its samples are."""
 
 _ROOF = np.float32(0.1)  # of an element's side: what is so near above it lies on it, and lets no light in below
 _CHUNK = 512
-_STRIDE = 7  # from spot to spot, so that those that follow each other are apart
+_STRIDE = 7  # from sample to sample, so that those that follow each other are apart
 _F, _HALF, _STEP = np.float32, np.float32(0.5), np.float32(1 / _SIDE)
 
 
-def _spot(k):
-    """Where spot `k` is, in sides of the element from its middle, -1/2 .. 1/2; the middle for `SPOTS`."""
-    if k == SPOTS:
+def _sample(k):
+    """Where sample `k` is, in sides of the element from its middle, -1/2 .. 1/2; the middle for `SAMPLES`."""
+    if k == SAMPLES:
         return _F(0.0), _F(0.0)
     return (_F(k % _SIDE) + _HALF) * _STEP - _HALF, (_F(k // _SIDE) + _HALF) * _STEP - _HALF
 
 
-_spot_part = jit.part(_spot)
+_sample_part = jit.part(_sample)
 
 
 def _rectangles():
-    """(100, 5) int64: the bits of the spots of each rectangle, and its first and behind its last column, and row; the largest first."""
+    """(100, 5) int64: the bits of the samples of each rectangle, and its first and behind its last column, and row; the largest first."""
     sides = list(itertools.combinations(range(_SIDE + 1), 2))
     found = [
         (sum(1 << (r * _SIDE + c) for r in range(top, low) for c in range(left, right)), left, right, top, low)
@@ -57,24 +57,24 @@ _RECTANGLES = _rectangles()
 
 @jit.part
 def free_from(free, s):
-    """The first free spot of an element from spot `s` on, of which `free` has the bits; the middle if there are none."""
+    """The first free sample of an element from sample `s` on, of which `free` has the bits; the middle if there are none."""
     if free == 0:
-        return SPOTS
+        return SAMPLES
     while not free & (1 << s):
-        s = (s + 1) % SPOTS
+        s = (s + 1) % SAMPLES
     return s
 
 
 @jit.part
-def free_spot(free, k):
-    """Number `k` in a walk around the free spots of an element."""
-    return free_from(free, (k * _STRIDE) % SPOTS)
+def free_sample(free, k):
+    """Number `k` in a walk around the free samples of an element."""
+    return free_from(free, (k * _STRIDE) % SAMPLES)
 
 
 @jit.part
-def point_of(numbers, i, spot, lift):
-    """A spot of element `i`, `lift` of its side above the surface; metres, float32."""
-    a, b = _spot_part(spot)
+def point_of(numbers, i, sample, lift):
+    """A sample of element `i`, `lift` of its side above the surface; metres, float32."""
+    a, b = _sample_part(sample)
     lift *= math.sqrt(numbers[AREA, i])
     x = numbers[PX, i] + lift * numbers[GX, i] + a * numbers[UX, i] + b * numbers[VX, i]
     y = numbers[PY, i] + lift * numbers[GY, i] + a * numbers[UY, i] + b * numbers[VY, i]
@@ -82,17 +82,17 @@ def point_of(numbers, i, spot, lift):
     return x, y, z
 
 
-def spots_on(position: Array, u: Array, v: Array) -> Array:
-    """(spots, n, 3) float32: all spots of n elements with middles and sides, (n, 3) each, on the surface."""
-    a, b = (np.array(at, np.float32)[:, None, None] for at in zip(*(_spot(k) for k in range(SPOTS)), strict=True))
+def samples_on(position: Array, u: Array, v: Array) -> Array:
+    """(samples, n, 3) float32: all samples of n elements with middles and sides, (n, 3) each, on the surface."""
+    a, b = (np.array(at, np.float32)[:, None, None] for at in zip(*(_sample(k) for k in range(SAMPLES)), strict=True))
     return np.asarray(position + a * u + b * v, np.float32)
 
 
 @jit.part
-def _roofed(scene, charts, own, numbers, i, spot):
-    """Whether something of another chart is close above a spot of element `i`."""
+def _roofed(scene, charts, own, numbers, i, sample):
+    """Whether something of another chart is close above a sample of element `i`."""
     height = np.float64(_ROOF) * math.sqrt(numbers[AREA, i])
-    x, y, z = point_of(numbers, i, spot, _F(0.0))
+    x, y, z = point_of(numbers, i, sample, _F(0.0))
     dx, dy, dz = height * numbers[GX, i], height * numbers[GY, i], height * numbers[GZ, i]
     ox, oy, oz = np.float64(x), np.float64(y), np.float64(z)
     met, _, _ = nearest(scene, ox, oy, oz, dx, dy, dz)
@@ -101,7 +101,7 @@ def _roofed(scene, charts, own, numbers, i, spot):
 
 @jit.part
 def _largest(bits):
-    """First and behind the last column, and row, of the largest rectangle of spots whose bits are set; all 0 if there is none."""
+    """First and behind the last column, and row, of the largest rectangle of samples whose bits are set; all 0 if there is none."""
     for k in range(len(_RECTANGLES)):
         mask = _RECTANGLES[k, 0]
         if bits & mask == mask:
@@ -113,7 +113,7 @@ def _largest(bits):
 def _crop(scene, charts, own, numbers, i):
     """Leave of element `i`, whose middle is close under something, the largest part that is not, if there is one."""
     bits, count = 0, 0
-    for k in range(SPOTS):
+    for k in range(SAMPLES):
         if not _roofed(scene, charts, own, numbers, i, k):
             bits, count = bits | 1 << k, count + 1
     if count == 0:
@@ -124,7 +124,7 @@ def _crop(scene, charts, own, numbers, i):
         u, v = numbers[UX + axis, i], numbers[VX + axis, i]
         numbers[PX + axis, i] += a * u + b * v
         numbers[UX + axis, i], numbers[VX + axis, i] = u * _STEP * _F(right - left), v * _STEP * _F(low - top)
-    numbers[AREA, i] *= _F(count) / _F(SPOTS)  # all that is open, though the sides are those of a part of it
+    numbers[AREA, i] *= _F(count) / _F(SAMPLES)  # all that is open, though the sides are those of a part of it
 
 
 @jit.parallel_kernel
@@ -133,11 +133,11 @@ def _find_free(queue, scene, charts, chart, numbers):
     chunk = jit.take(queue)
     while chunk * _CHUNK < numbers.shape[1]:
         for i in range(chunk * _CHUNK, min(numbers.shape[1], (chunk + 1) * _CHUNK)):
-            if _roofed(scene, charts, chart[i], numbers, i, SPOTS):
+            if _roofed(scene, charts, chart[i], numbers, i, SAMPLES):
                 _crop(scene, charts, chart[i], numbers, i)
-            mx, my, mz = point_of(numbers, i, SPOTS, LIFT)
+            mx, my, mz = point_of(numbers, i, SAMPLES, LIFT)
             free, hidden = 0, 0
-            for k in range(SPOTS):
+            for k in range(SAMPLES):
                 x, y, z = point_of(numbers, i, k, LIFT)
                 met, _, _ = nearest(scene, np.float64(mx), np.float64(my), np.float64(mz), np.float64(x - mx), np.float64(y - my), np.float64(z - mz))
                 if met < 0:
@@ -145,7 +145,7 @@ def _find_free(queue, scene, charts, chart, numbers):
                 elif charts[met] != chart[i]:
                     hidden += 1
             numbers[FREE, i] = free
-            numbers[AREA, i] *= np.float32(max(SPOTS - hidden, 1)) / np.float32(SPOTS)
+            numbers[AREA, i] *= np.float32(max(SAMPLES - hidden, 1)) / np.float32(SAMPLES)
         chunk = jit.take(queue)
 
 
@@ -154,7 +154,7 @@ def find_free(scene: Occlusion, charts: Array, chart: Array, numbers: Array, thr
 
     An element whose middle is close under something that lies on it is first cropped to the part of it that is not.
 
-    A spot is free if the middle sees it. If a triangle of the element's own chart is between them, the surface only bends: then the spot is not
+    A sample is free if the middle sees it. If a triangle of the element's own chart is between them, the surface only bends: then the sample is not
     free, as it is behind the surface, but nothing of the area is lost.
 
     Args:

@@ -19,7 +19,7 @@ from luxel.arrays import Array
 from luxel.jit import float_bits, floor32
 from luxel.radiosity import packet
 from luxel.radiosity.directions import cosine_directions, turned
-from luxel.radiosity.element import AREA, FREE, GX, GY, GZ, LIFT, NX, NZ, PX, PY, PZ, SPOTS, free_spot, point_of
+from luxel.radiosity.element import AREA, FREE, GX, GY, GZ, LIFT, NX, NZ, PX, PY, PZ, SAMPLES, free_sample, point_of
 from luxel.radiosity.hemicube import frames_of
 from luxel.radiosity.lightmap import like
 from luxel.radiosity.occlusion import Occlusion
@@ -37,7 +37,7 @@ behind it, where a surface bends or under something that stands on it."""
 _CHUNK = 32
 _RAYS_AT_ONCE = 1 << 22
 _BORDER = 2  # texels
-_TURN = 5  # spots, from one round of rays to the next; prime to their number, so that all come in turn
+_TURN = 5  # samples, from one round of rays to the next; prime to their number, so that all come in turn
 
 
 class Lookup(NamedTuple):
@@ -83,18 +83,18 @@ def _element_at(hit, back, x, y, z, lookup):
     return lookup.element[back, lookup.page[hit], row, column]
 
 
-def _spot_of(number):
-    """From which of an element's free spots ray `number` leaves. Every sixteenth ray lies in the same strip of the hemisphere, so each round of them
-    begins at another spot: strips are seen from all."""
-    return (number + _TURN * (number // SPOTS)) % SPOTS
+def _sample_of(number):
+    """From which of an element's free samples ray `number` leaves. Every sixteenth ray lies in the same strip of the hemisphere, so each round
+    of them begins at another sample: strips are seen from all."""
+    return (number + _TURN * (number // SAMPLES)) % SAMPLES
 
 
-spot_of = jit.part(_spot_of)
+sample_of = jit.part(_sample_of)
 
 
 @jit.part
 def start_ray(numbers, frame, direction, i, point, reach, r, c):
-    """Ray `r` of the packet starts at spot `point` of element `i`; it goes nowhere if the direction is below the surface."""
+    """Ray `r` of the packet starts at sample `point` of element `i`; it goes nowhere if the direction is below the surface."""
     c[OX + r], c[OY + r], c[OZ + r] = point_of(numbers, i, point, LIFT)
     dx, dy, dz = turned(frame, direction)
     c[DX + r], c[DY + r], c[DZ + r] = dx, dy, dz
@@ -121,7 +121,7 @@ def met_by(r, i, scene, numbers, lookup, c):
 
 @jit.parallel_kernel
 def _look(queue, scene, numbers, frames, directions, reach, lookup, first, hits):
-    own_c, own_stack, own_points = np.zeros(packet.SCRATCH, np.float32), np.zeros(packet.STACK, np.int32), np.zeros((WIDTH, SPOTS), np.int64)
+    own_c, own_stack, own_points = np.zeros(packet.SCRATCH, np.float32), np.zeros(packet.STACK, np.int32), np.zeros((WIDTH, SAMPLES), np.int64)
     c, stack, points = jit.borrow(own_c), jit.borrow(own_stack), jit.borrow(own_points)
     scene, numbers, frames, directions = jit.borrow(scene), jit.borrow(numbers), jit.borrow(frames), jit.borrow(directions)
     lookup, hits = jit.borrow(lookup), jit.borrow(hits)
@@ -131,12 +131,12 @@ def _look(queue, scene, numbers, frames, directions, reach, lookup, first, hits)
         start = chunk * WIDTH
         width = min(WIDTH, count - start)
         for r in range(width):
-            for k in range(SPOTS):
-                points[r, k] = free_spot(np.int64(numbers[FREE, first + start + r]), k)
+            for k in range(SAMPLES):
+                points[r, k] = free_sample(np.int64(numbers[FREE, first + start + r]), k)
         for number in range(rays):
             for r in range(np.uint64(WIDTH)):
                 k = min(start + np.int64(r), count - 1)  # the last packet is filled up with its last element's rays
-                start_ray(numbers, frames[k], directions[number], first + k, points[k - start, spot_of(number)], reach, r, c)
+                start_ray(numbers, frames[k], directions[number], first + k, points[k - start, sample_of(number)], reach, r, c)
             packet.meet_all(scene, c, stack)
             for r in range(np.uint64(width)):
                 hits[start + np.int64(r), number] = met_by(r, first + start + np.int64(r), scene, numbers, lookup, c)

@@ -13,13 +13,13 @@ from luxel.arrays import Array
 from luxel.jit import float_bits
 from luxel.radiosity import packet
 from luxel.radiosity.directions import cosine_directions, turned
-from luxel.radiosity.element import spots_on
+from luxel.radiosity.element import samples_on
 from luxel.radiosity.hemicube import frames_of
 from luxel.radiosity.occlusion import Occlusion
 from luxel.radiosity.packet import AT, DX, DY, DZ, FOUND, OX, OY, OZ, SLOPE, WIDTH
 
 _FIRST, _ALL = 4, 24  # rays, of which all are cast only where the first ones see any back
-_FEW = 8  # rays of each spot of a luxel, where it is looked for a free place
+_FEW = 8  # rays of each sample of a luxel, where it is looked for a free place
 _AT_ONCE = 1 << 14  # luxels, where it is
 
 
@@ -89,7 +89,7 @@ def free_places(scene: Occlusion, two_sided: Array, position: Array, normal: Arr
     places, shares = np.empty_like(position), np.empty(len(position), np.float32)
     for first in range(0, len(position), _AT_ONCE):
         some = slice(first, first + _AT_ONCE)
-        points = spots_on(position[some], u[some], v[some])
+        points = samples_on(position[some], u[some], v[some])
         is_free = _free(scene, two_sided, points, normal[some], reach, threads)
         share = is_free / np.maximum(is_free.sum(0), 1)
         middle = (points * share[:, :, None]).sum(0)
@@ -99,11 +99,11 @@ def free_places(scene: Occlusion, two_sided: Array, position: Array, normal: Arr
 
 
 def _free(scene: Occlusion, two_sided: Array, points: Array, normal: Array, reach: float, threads: int) -> Array:
-    """(spots, n) bool: which spots (spots, n, 3) of n luxels see no backs."""
-    spots = np.ascontiguousarray(points.transpose(1, 0, 2)).reshape(-1, 3)  # those of a luxel together
-    normals, free = np.repeat(normal, len(points), 0), np.arange(len(spots))
+    """(samples, n) bool: which samples (samples, n, 3) of n luxels see no backs."""
+    samples = np.ascontiguousarray(points.transpose(1, 0, 2)).reshape(-1, 3)  # those of a luxel together
+    normals, free = np.repeat(normal, len(points), 0), np.arange(len(samples))
     for directions in np.split(cosine_directions(_FEW, _FEW // 2), [1, _FEW // 2]):  # the first tells of most
-        free = free[_backs(scene, two_sided, spots[free], normals[free], directions, reach, threads) == 0]
+        free = free[_backs(scene, two_sided, samples[free], normals[free], directions, reach, threads) == 0]
     result = np.zeros((len(normal), len(points)), np.bool_)
     result.flat[free] = True
     return result.T

@@ -16,7 +16,7 @@ class Quality(NamedTuple):
         light_points: About so many points for all emitting surfaces, each of which shoots.
         spot_points: The same for surfaces so bright in the light of these that they shoot as they do (`spots`); 0: none does.
         light_resolution: Pixels along a face of a light's hemicube.
-        rays: Spots of elements near a light at which each part of it is looked at, by rays; 0: none.
+        rays: Samples of elements near a light at which each part of it is looked at, by rays; 0: none.
         seen: Rays by which each element looks around, and through which light is then passed on; 0: patches shoot it, as the lights do.
         gathered: Rays by which each element looks around once more for the last bounce; 0: it does not.
         unlike: If not, it looks closer for the last bounce where what it sees differs by more than so many times the mean (`closer`).

@@ -21,7 +21,7 @@ import numpy as np
 from luxel import jit
 from luxel.jit import bits_float, float_bits, floor32
 from luxel.radiosity.batch import ELEMENTS
-from luxel.radiosity.element import AREA, FREE, LIFT, NX, NY, NZ, PX, PY, PZ, UX, VX, free_spot, point_of
+from luxel.radiosity.element import AREA, FREE, LIFT, NX, NY, NZ, PX, PY, PZ, UX, VX, free_sample, point_of
 from luxel.radiosity.occlusion import occluded
 from luxel.radiosity.transfer import polygon_factor, spread_factor
 from luxel.raster.constants import NOTHING
@@ -178,12 +178,12 @@ def _hidden(scene, center, x, y, z):
 
 @jit.part
 def _seen_by_rays(scene, center, numbers, j):
-    """How much of element `j` a shooter sees, by rays to two spots of it; to two more if it sees only one of them."""
+    """How much of element `j` a shooter sees, by rays to two samples of it; to two more if it sees only one of them."""
     seen, free = 0, np.int64(numbers[FREE, j])
     for k in (0, 2, 1, 3):  # the first two lie across from each other
         if k == 1 and seen != 1:
             return _F(seen) * _F(0.5)
-        x, y, z = point_of(numbers, j, free_spot(free, k), LIFT)
+        x, y, z = point_of(numbers, j, free_sample(free, k), LIFT)
         seen += not _hidden(scene, center, x, y, z)
     return _F(seen) * _F(0.25)
 
@@ -242,23 +242,23 @@ def _seen_fraction(i, j, at, resolution, center, frame, near, c, depth, ids, pla
 
 @jit.part
 def _ray_fraction(scene, rays, span, source, numbers, i):
-    """How much of a shooter element `i` sees, 0..1, by rays from spots of the one to elements spread over the other."""
+    """How much of a shooter element `i` sees, 0..1, by rays from samples of the one to elements spread over the other."""
     seen, free = 0, np.int64(numbers[FREE, i])
     for k in range(rays):
         j = np.int64(span[0]) + (2 * k + 1) * np.int64(span[1] - span[0]) // (2 * rays)
-        x, y, z = point_of(numbers, i, free_spot(free, k), LIFT)
+        x, y, z = point_of(numbers, i, free_sample(free, k), LIFT)
         seen += not _hidden_from(scene, j, source, x, y, z)
     return _F(seen) / _F(rays)
 
 
 @jit.part
 def _near_fraction(node, rays, tree, source, scene, numbers, j, stack, corners):
-    """The same for an element near the shooter: of what spots of it would receive, what they do, by a ray to each part of the shooter."""
+    """The same for an element near the shooter: of what samples of it would receive, what they do, by a ray to each part of the shooter."""
     span, child, place = tree
     whole, seen, free = _F(0.0), _F(0.0), np.int64(numbers[FREE, j])
     nx, ny, nz = numbers[NX, j], numbers[NY, j], numbers[NZ, j]
     for k in range(rays):
-        x, y, z = point_of(numbers, j, free_spot(free, k), LIFT)
+        x, y, z = point_of(numbers, j, free_sample(free, k), LIFT)
         given, part = node_factor(node, x, y, z, nx, ny, nz, span, child, place, source, stack, corners, scene, True)
         whole, seen = whole + given, seen + part
     return seen / whole if whole > _F(0.0) else _F(0.0)

@@ -1,7 +1,7 @@
 """Sky: its light on every element, from what elements see.
 
 The rays by which elements look around lie one each in cells of equal weight of the hemisphere (Hammersley points). A cell whose neighbours agree with
-it, for this element and those beside it, on whether the sky is there is taken as a whole; any other has sixteen rays more, from as many spots,
+it, for this element and those beside it, on whether the sky is there is taken as a whole; any other has sixteen rays more, from as many samples,
 or four where so many cells are at edges (in foliage, say) that these are enough. What is much brighter than the rest, such as the sun, is left to
 directional lights (`direct`).
 """
@@ -62,17 +62,17 @@ def _pixel(picture, dx, dy, dz):
 
 
 @jit.part
-def _part(r, numbers, frame, i, spot, a, b, part, side, wide, high, reach, local, c):
-    """Ray `r` of the packet goes from a spot of element `i` through a part of a cell that has `side` times `side` of them."""
+def _part(r, numbers, frame, i, sample, a, b, part, side, wide, high, reach, local, c):
+    """Ray `r` of the packet goes from a sample of element `i` through a part of a cell that has `side` times `side` of them."""
     local[0], local[1], local[2] = on_hemisphere((a + (part % side + 0.5) / side) / wide, (b + (part // side + 0.5) / side) / high)
-    start_ray(numbers, frame, local, i, spot, reach, r, c)
+    start_ray(numbers, frame, local, i, sample, reach, r, c)
 
 
 @jit.part
-def _spot_of_part(part, side):
-    """The spot from which a part of an edge's cell is looked through: an orthogonal array, the same in all cells, so that they fit together.
+def _sample_of_part(part, side):
+    """The sample from which a part of an edge's cell is looked through: an orthogonal array, the same in all cells, so that they fit together.
 
-    Spots' rows and columns are sums in the field of four elements of those of the parts, so each row and each column of the one meets each of the
+    Samples' rows and columns are sums in the field of four elements of those of the parts, so each row and each column of the one meets each of the
     other once.
     """
     step = (_FINELY - 1) // (side - 1)
@@ -144,8 +144,8 @@ def light_of(i, some, kind, scene, numbers, frame, reach, coarse, fine, local, c
                 red, green, blue = red + coarse[row, column, 0], green + coarse[row, column, 1], blue + coarse[row, column, 2]
             elif kind[a, b] == _EDGE:
                 for part in range(side * side):
-                    spot = free_from(free, _spot_of_part(part, side))
-                    _part(np.uint64(rays), numbers, frame, i, spot, a, b, part, side, wide, high, reach, local, c)
+                    sample = free_from(free, _sample_of_part(part, side))
+                    _part(np.uint64(rays), numbers, frame, i, sample, a, b, part, side, wide, high, reach, local, c)
                     rays += 1
                     if rays == WIDTH:
                         cut, rays = _parts_light(rays, cut, scene, fine, c, stack), 0

@@ -39,7 +39,7 @@ class Elements(NamedTuple):
 
     Attributes:
         numbers: (17, n) float32: position, normal (shading), normal of the surface, area, the element's sides u and v as vectors, metres, and
-            which of its spots are free; see `element`.
+            which of its samples are free; see `element`.
         bounds: (blocks, 8) float32: of each `BLOCK` of them: the centre and radius of a ball about their positions, and of their surfaces' normals.
     """
 
@@ -70,7 +70,7 @@ class Visibility(NamedTuple):
 
     Attributes:
         scene: All triangles.
-        number: Spots of an element from which a ray goes to each part of the shooter; if for all pairs, rays; 0: none.
+        number: Samples of an element from which a ray goes to each part of the shooter; if for all pairs, rays; 0: none.
         always: For all pairs, for reference; False: for those that are near each other.
     """
 

@@ -16,8 +16,8 @@ from luxel.arrays import Array
 from luxel.jit import part
 from luxel.radiosity.closer import find_unlike, look_closer
 from luxel.radiosity.direct import shine_on
-from luxel.radiosity.element import AREA, FREE, free_spot
-from luxel.radiosity.gather import Lookup, lost_and_gone, mean_light, met_by, spot_of, start_ray
+from luxel.radiosity.element import AREA, FREE, free_sample
+from luxel.radiosity.gather import Lookup, lost_and_gone, mean_light, met_by, sample_of, start_ray
 from luxel.radiosity.occlusion import Occlusion
 from luxel.radiosity.packet import SCRATCH, STACK, meet_all
 from luxel.radiosity.sky import TOGETHER, classify, light_of
@@ -92,8 +92,8 @@ def look(k, r, eyes, first, first_ray, directions, hits, c, stack):
     `c` (SCRATCH,) float32 and `stack` (STACK,) int32 are scratch.
     """
     i, number = first + k, first_ray + r
-    spot = free_spot(np.int64(eyes.numbers[FREE, i]), spot_of(number))
-    start_ray(eyes.numbers, eyes.frames[i], directions[number], i, spot, eyes.reach, _FIRST, c)
+    sample = free_sample(np.int64(eyes.numbers[FREE, i]), sample_of(number))
+    start_ray(eyes.numbers, eyes.frames[i], directions[number], i, sample, eyes.reach, _FIRST, c)
     meet_all(eyes.scene, c, stack)
     hits[k, number] = met_by(_FIRST, i, eyes.scene, eyes.numbers, eyes.lookup, c)
 
