@@ -11,12 +11,12 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from luxel.radiosity.lighting import Progress
 
 import luxel
 from luxel.cuda.device import gpu
 from luxel.cuda.relight import resident
 from luxel.radiosity.bake import Baked, bake
+from luxel.radiosity.lighting import Progress
 from luxel.scene.builtin import SCENES
 from report import median, milliseconds, table
 

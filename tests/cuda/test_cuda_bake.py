@@ -287,7 +287,7 @@ def counted_and_taken(monkeypatch, quality, options):
         hosts.append(Host(size))
         return labour_on(hosts[-1])
 
-    monkeypatch.setattr(gpu_labour, "memory", SimpleNamespace(needed=needed, RAYS_AT_ONCE=memory.RAYS_AT_ONCE))
+    monkeypatch.setattr(gpu_labour, "memory", SimpleNamespace(needed=needed, at_once=memory.at_once, RAYS_AT_ONCE=memory.RAYS_AT_ONCE))
     monkeypatch.setattr(memory, "OWN", 0)
     for size in (1 << 40, None, None):
         limit = size or counted[0] - len(hosts) + 1

@@ -77,7 +77,7 @@ def shares(options: dict[str, Any]) -> tuple[float, float, float]:
     if not settings.seen:
         return 0.0, 1.0, 0.0
     rays = rays_of(settings, sky)
-    first = work_of(rays, 0, False, sky) / work_of(rays, settings.gathered, settings.unlike < math.inf, sky)
+    first = work_of(rays.kept, 0, False, sky) / work_of(rays.kept, rays.gathered, settings.unlike < math.inf, sky)
     return (1 - _PASSING) * first, _PASSING, (1 - _PASSING) * (1 - first)
 
 

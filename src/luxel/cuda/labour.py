@@ -10,7 +10,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,9 +27,12 @@ from luxel.radiosity.gather import Sight, View, padded
 from luxel.radiosity.hemicube import FACES, GUARD, delta_form_factors, frames_of
 from luxel.radiosity.labour import Drawn, Labour
 from luxel.radiosity.patches import Tree
-from luxel.radiosity.sky import COARSE, FINE, cells, shrunk
+from luxel.radiosity.sky import Even, cells
 from luxel.radiosity.solve import Problem, State
 from luxel.radiosity.transport import Elements, Occluders, Shooters, Visibility
+
+if TYPE_CHECKING:
+    from luxel.radiosity.effort import Rays
 
 _F = np.float32
 _MOST_ROWS = 1 << 15  # of a grid; a card takes no more than twice as many
@@ -72,7 +75,7 @@ class GpuLabour(Labour):
         self._sent: dict[Any, tuple[Array, Any]] = {}
         self._eyes: tuple[View, Eyes] | None = None
 
-    def fitting(self, problem: Problem, view: View, rays: tuple[int, int], rows: tuple[int, int, int]) -> Labour:
+    def fitting(self, problem: Problem, view: View, rays: Rays, rows: tuple[int, int, int]) -> Labour:
         """This, if a bake fits in the GPU's memory; else a DeviceError, or the processor."""
         n = view.numbers.shape[1]
         try:
@@ -174,17 +177,23 @@ class GpuLabour(Labour):
             gpu.wait()
         return gpu.host(received)
 
-    def sky(self, view: View, sight: Sight, even: Array) -> Array:
+    def sky(self, view: View, sight: Sight, sky: Even) -> Array:
         """(3, n) float32."""
-        gpu, k, eyes, n = self.gpu, self.kernels, self.eyes(view), view.numbers.shape[1]
-        cell, wide, high = cells(sight.hits.shape[1])
-        groups = -(-n // TOGETHER)
+        n = view.numbers.shape[1]
+        result = self.gpu.empty((3, n), _F)
+        self._see_sky(self.eyes(view), 0, n, sight.hits, self._cells_of(sky, *sight.hits.shape), result)
+        return self.gpu.host(result)
+
+    def _cells_of(self, sky: Even, elements: int, rays: int) -> Sky:
+        """Room for what so many elements see of a sky by so many rays."""
+        gpu, groups, (cell, wide, high) = self.gpu, -(-elements // TOGETHER), cells(rays)
         seen, kind = (gpu.empty((groups, wide, high), np.int32) for _ in range(2))
-        sky = Sky(gpu.array(cell), gpu.array(shrunk(even, COARSE)), gpu.array(shrunk(even, FINE)), seen, kind, gpu.empty((groups,), np.bool_))
-        result = gpu.empty((3, n), _F)
-        gpu.launch(k.find_cells, (groups, 1), sight.hits, sky)
-        gpu.launch(k.sky_light, (n, 1), eyes, sky, result)
-        return gpu.host(result)
+        return Sky(gpu.array(cell), gpu.array(sky.coarse), gpu.array(sky.fine), seen, kind, gpu.empty((groups,), np.bool_))
+
+    def _see_sky(self, eyes: Eyes, first: int, count: int, hits: Any, sky: Sky, result: Any) -> None:
+        """result[:, first : first + count]: the light of the sky on so many elements, which see `hits`."""
+        self.gpu.launch(self.kernels.find_cells, (-(-count // TOGETHER), 1), count, hits, sky)
+        self.gpu.launch(self.kernels.sky_light, (count, 1), first, eyes, sky, result)
 
     def look(self, view: View, rays: int, told: Callable[[float], None]) -> Sight:
         """What elements see, kept on the GPU."""
@@ -234,20 +243,23 @@ class GpuLabour(Labour):
             told(min(n, first + step) / n)
         return gpu.host(result)
 
-    def gather(self, view: View, light: Array, rays: int, told: Callable[[float], None]) -> Array:
-        """(3, n) float32: the mean of `light` (n, 3) over what `rays` of each element meet, of which nothing is kept."""
+    def gather(self, view: View, light: Array, rays: int, sky: Even | None, told: Callable[[float], None]) -> tuple[Array, Array | None]:
+        """(3, n) float32 each."""
         gpu, eyes, n = self.gpu, self.eyes(view), view.numbers.shape[1]
-        step = max(1, min(n, memory.RAYS_AT_ONCE // rays))
+        step = memory.at_once(n, rays)
         hits, there, result = gpu.columns((step, rays), np.int32), gpu.array(padded(light)), gpu.empty((3, n), _F)
-        directions = self._directions(rays)
+        directions, seen = self._directions(rays), gpu.empty((3, n), _F) if sky is not None else None
+        above = None if sky is None else self._cells_of(sky, step, rays)
         for first in range(0, n, step):
             count = min(step, n - first)
             for ray in range(0, rays, _MOST_ROWS):
                 gpu.launch(self.kernels.look, (count, min(_MOST_ROWS, rays - ray)), eyes, first, ray, directions, hits)
             gpu.launch(self.kernels.gather_mean, (count, 1), first, hits, there, result)
+            if above is not None:
+                self._see_sky(eyes, first, count, hits, above, seen)
             gpu.wait()
             told((first + count) / n)
-        return gpu.host(result)
+        return gpu.host(result), None if seen is None else gpu.host(seen)
 
     def _directions(self, rays: int) -> Any:
         return self.gpu.array(cosine_directions(rays).astype(_F))

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from luxel.radiosity.gather import View
 from luxel.radiosity.hemicube import FACES, RESOLUTIONS
 from luxel.radiosity.sky import TOGETHER
-from luxel.radiosity.solve import BATCH, Problem, at_once
+from luxel.radiosity.solve import BATCH, Problem
+from luxel.radiosity.solve import at_once as shoot_at_once
 from luxel.radiosity.transport import BLOCK
+
+if TYPE_CHECKING:
+    from luxel.radiosity.effort import Rays
 
 RAYS_AT_ONCE = 1 << 26
 """Of one launch: after each, progress is told, and Ctrl-C heard."""
@@ -25,21 +29,29 @@ _LOOKS, _STATE, _STEP, _GATHERS = 36 + 8, 36 + 24, 12 + 12 + 16, 16 + 12
 _PATCH, _CHOSEN = 24 + 24 + 24 + 8, 8 + 4 + 4
 
 
-def needed(problem: Problem, view: View, rays: tuple[int, int], rows: tuple[int, int, int]) -> int:
+def at_once(elements: int, rays: int) -> int:
+    """How many of so many elements look anew by so many rays in one go: whole groups of neighbours, which tell each other what they see."""
+    return min(elements, max(1, RAYS_AT_ONCE // (TOGETHER * rays)) * TOGETHER)
+
+
+def needed(problem: Problem, view: View, rays: Rays, rows: tuple[int, int, int]) -> int:
     """Bytes that a bake takes of a GPU's memory, at most.
 
     Args:
-        rays: Of each element: so many are kept, and so many are not.
+        rays: Of each element.
         rows: Of patches, of lights and of spots, that are kept.
     """
     n, patches = view.numbers.shape[1], len(problem.patches.tree.patches)
     blocks, shooting = -(-n // BLOCK), rows[0] > 0
-    hits = 4 * n * rays[0] + 4 * min(n * rays[1], max(RAYS_AT_ONCE, rays[1]))
-    cells = 8 * rays[0] * -(-n // TOGETHER)  # of the sky, before there is a state
-    closer = 9 * rays[0] * -(-n // TOGETHER)  # of the last bounce, beside it
+    hits = 4 * n * rays.kept
+    cells = 8 * rays.kept * -(-n // TOGETHER)  # of the sky, before there is a state
+    closer = 9 * rays.kept * -(-n // TOGETHER)  # of the last bounce, beside it
+    if rays.gathered:
+        looks = at_once(n, rays.gathered)
+        closer = 12 * n + rays.gathered * (4 * looks + 8 * -(-looks // TOGETHER))  # of the last bounce, and of the sky that is seen with it
     slots = rows[1] + BATCH + rows[2] + (rows[0] + BATCH if shooting else 0)
     batches = [(min(BATCH, len(problem.lights.tree.patches)), problem.lights.resolution)] if problem.lights else []
-    batches += [(at_once(patches), problem.patches.resolution)] if shooting else []
+    batches += [(shoot_at_once(patches), problem.patches.resolution)] if shooting else []
     batches += [(min(BATCH, rows[2]), RESOLUTIONS[-1])]
     cubes = sum((16 * shooters + 8) * FACES * size**2 + 8 * shooters * blocks for shooters, size in batches)
     kept = slots * (2 * n + blocks + 16)

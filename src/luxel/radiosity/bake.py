@@ -13,8 +13,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from luxel import jit
 from luxel.arrays import Array
 from luxel.clock import Clock
@@ -126,8 +124,8 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
     prepared = prepare(atlas, settings, memory_check(settings, lamps, density, labour), labour, clock, tell)
     check_light(prepared, lamps)
     rays, problem = rays_of(settings, lamps.sky is not None), prepared.cut.problem
-    rows = kept_rows(problem, settings, rays, transport or layers, labour)
-    labour = labour.fitting(problem, prepared.view, (rays, settings.gathered), rows)
+    rows = kept_rows(problem, settings, rays.kept, transport or layers, labour)
+    labour = labour.fitting(problem, prepared.view, rays, rows)
     lighting = Lighting(prepared, lamps, settings, rays, rows, labour, progress if leads else None)
     lighting.begin()
     clock.lap("direct")
@@ -143,7 +141,7 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
     if finished and lighting.bounces_once_more:
         received = lighting.last_bounce(received)
         clock.lap("gather")
-    values, direct = prepared.per_luxel(received), prepared.per_luxel(lighting.state.direct)
+    values, direct = prepared.per_luxel(received), prepared.per_luxel(lighting.direct)
     baked = Baked(atlas, prepared.luxels, values, prepared.valid, direct, lighting.state.ledger, clock.seconds, finished)
     if transport or layers:
         kept = lighting.transport()
@@ -180,7 +178,7 @@ def _known(lighting: Lighting) -> list[Array]:
     prepared, lamps = lighting.prepared, lighting.lamps
     luxels, geometry = prepared.luxels, prepared.geometry
     surfaces = [geometry.positions, geometry.triangles, luxels.position, luxels.normal, luxels.area, luxels.albedo, prepared.two_sided]
-    shines = [prepared.cut.problem.exitance, lighting.still, lamps.table, np.zeros(0) if lamps.sky is None else lamps.sky]
+    shines = [prepared.cut.problem.exitance, lighting.still, lamps.table, *(lamps.sky or ())]
     rays = prepared.rays  # which triangles hide what, and where their masks have holes
     return [*surfaces, rays.triangle, rays.mask, rays.texcoords, rays.masks, rays.cutoffs, rays.alpha, *shines]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import partial
+from typing import NamedTuple
 
 from luxel.errors import InputError
 from luxel.radiosity.diagnosis import Shooting, check_memory, work_of
@@ -22,9 +23,17 @@ _SEEN = 128
 """Rays by which elements look around for a transport that is kept, where they do not for the bake."""
 
 
-def rays_of(settings: Quality, sky: bool) -> int:
-    """By how many rays each element looks around."""
-    return (settings.seen or _SEEN) * (2 if sky else 1)
+class Rays(NamedTuple):
+    """By how many rays each element looks around: what they meet is kept; and once more for the last bounce, of which nothing is."""
+
+    kept: int
+    gathered: int
+
+
+def rays_of(settings: Quality, sky: bool) -> Rays:
+    """Twice as many under a sky, as windows are to be found."""
+    times = 2 if sky else 1
+    return Rays(times * (settings.seen or _SEEN), times * settings.gathered)
 
 
 def effort(settings: Quality, sky: bool, glows: bool) -> tuple[int, float, Shooting | None, int]:
@@ -32,17 +41,17 @@ def effort(settings: Quality, sky: bool, glows: bool) -> tuple[int, float, Shoot
     sky, and whether any surface glows."""
     looks = settings.seen > 0
     rays = rays_of(settings, sky)
-    work = work_of(rays if looks or sky else 0, settings.gathered, looks and settings.unlike < math.inf, sky)
+    work = work_of(rays.kept if looks or sky else 0, rays.gathered, looks and settings.unlike < math.inf, sky)
     if looks and not settings.exact:
-        return rays, work, None, settings.spot_points
+        return rays.kept, work, None, settings.spot_points
     lights = settings.light_points if glows else 0
     shooting = Shooting(lights, settings.rays, 0.0 if looks else settings.patch, settings.tolerance, ROW_BYTES)
-    return rays, work, shooting, settings.spot_points
+    return rays.kept, work, shooting, settings.spot_points
 
 
 def memory_check(settings: Quality, lamps: Lamps, density: float | None, labour: Labour) -> Callable[[float, int], None]:
     """Refuses so many luxels, of so many triangles, if they do not fit in memory."""
-    rays, ranks = rays_of(settings, lamps.sky is not None), labour.team.size
+    rays, ranks = rays_of(settings, lamps.sky is not None).kept, labour.team.size
     return partial(check_memory, rays=rays // ranks, spots=settings.spot_points // ranks, density=density, here=labour.team.here)
 
 

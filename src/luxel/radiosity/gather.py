@@ -159,13 +159,13 @@ def mean_light(hits, k, light):
 
 
 @jit.parallel_kernel
-def _mean(queue, hits, light, first, result):
+def _mean(queue, hits, light, result):
     hits, light, result = jit.borrow(hits), jit.borrow(light), jit.borrow(result)
     count = len(hits)
     chunk = jit.take(queue)
     while chunk * _CHUNK < count:
         for k in range(chunk * _CHUNK, min(count, (chunk + 1) * _CHUNK)):
-            result[0, first + k], result[1, first + k], result[2, first + k] = mean_light(hits, np.uint64(k), light)
+            result[0, k], result[1, k], result[2, k] = mean_light(hits, np.uint64(k), light)
         chunk = jit.take(queue)
 
 
@@ -184,6 +184,10 @@ class View(NamedTuple):
     lookup: Lookup
     reach: float
 
+    def part(self, some: slice) -> View:
+        """Of some of the elements."""
+        return self._replace(numbers=np.ascontiguousarray(self.numbers[:, some]))
+
     def look(self, directions: Array, first: int, last: int, hits: Array, threads: int) -> None:
         """Fill `hits` (k, rays) int32: what elements first .. last - 1 see along `directions` (rays, 3) float32 of their frames."""
         frames = frames_of(self.numbers[NX : NZ + 1, first:last].T)
@@ -194,19 +198,13 @@ class View(NamedTuple):
         n, step = self.numbers.shape[1], max(1, _RAYS_AT_ONCE // (WIDTH * rays)) * WIDTH
         return pairwise([*range(0, n, step), n])
 
-    def gather(self, light: Array, rays: int, threads: int, told: Callable[[float], None]) -> Array:
-        """(3, k) float32 W/m2: the irradiance of the k elements by `rays` of each, of which nothing is kept; `light` (n, 3) float32 radiosity, W/m2.
-
-        `told` hears which share of the elements has looked.
-        """
-        directions, what, count = cosine_directions(rays).astype(np.float32), padded(light), self.numbers.shape[1]
-        result = np.empty((3, count), np.float32)
+    def look_anew(self, rays: int, threads: int) -> Iterator[tuple[slice, Array]]:
+        """Some elements after the other, and what `rays` of each meet, (k, rays) int32."""
+        directions = cosine_directions(rays).astype(np.float32)
         for first, last in self.chunks(rays):
             hits = np.empty((last - first, rays), np.int32)
             self.look(directions, first, last, hits, threads)
-            jit.run(_mean, threads, hits, what, first, result)
-            told(last / count)
-        return result
+            yield slice(first, last), hits
 
 
 class Spots(NamedTuple):
@@ -253,9 +251,9 @@ class Sight(NamedTuple):
 
 
 def gather(hits: Array, light: Array, threads: int) -> Array:
-    """(3, k) float32: the mean of `light` (n, 3) float32 over what the rays of k elements meet, `hits` (k, rays)."""
+    """(3, k) float32: the mean of `light` (3 + n, 4), `padded`, over what the rays of k elements meet, `hits` (k, rays)."""
     result = np.empty((3, len(hits)), np.float32)
-    jit.run(_mean, threads, hits, padded(light), 0, result)
+    jit.run(_mean, threads, hits, light, result)
     return result
 
 

@@ -26,10 +26,11 @@ from luxel.radiosity.direct import shine
 from luxel.radiosity.gather import Sight, Spots, View
 from luxel.radiosity.hemicube import ItemBuffers, room_for, see_into
 from luxel.radiosity.patches import Tree
-from luxel.radiosity.sky import shine_sky
+from luxel.radiosity.sky import Even, shine_sky
 from luxel.radiosity.transport import BLOCK, Elements, Occluders, Shooters, Visibility, escapes, fill_rows, receive
 
 if TYPE_CHECKING:
+    from luxel.radiosity.effort import Rays
     from luxel.radiosity.solve import Problem, State
 
 T = TypeVar("T")
@@ -90,8 +91,8 @@ class Labour:
         """(..., n), the same everywhere: of `work(which)`, (..., k) for an index of k of n items."""
         return self.join(work(self.mine(n)), n)
 
-    def fitting(self, problem: Problem, view: View, rays: tuple[int, int], rows: tuple[int, int, int]) -> Labour:
-        """Who does it, if it has to fit in memory: rays of each element that are kept, and that are not; rows of patches, of lights and of spots."""
+    def fitting(self, problem: Problem, view: View, rays: Rays, rows: tuple[int, int, int]) -> Labour:
+        """Who does it, if it has to fit in memory: the rays of each element, and rows that are kept of patches, of lights and of spots."""
         return self
 
     def state(self, problem: Problem, state: State) -> State:
@@ -132,9 +133,9 @@ class Labour:
         """(3, k) float32, W/m2: what lights of a `direct.light_table` give to this process's elements, those of `view`."""
         return shine(view.scene, view.numbers, table, view.reach, self.threads)
 
-    def sky(self, view: View, sight: Sight, even: Array) -> Array:
-        """(3, k) float32, W/m2: what an `even` sky (h, w, 3) gives to this process's elements."""
-        return shine_sky(view, sight.hits, even, self.threads)
+    def sky(self, view: View, sight: Sight, sky: Even) -> Array:
+        """(3, k) float32, W/m2: what a sky gives to this process's elements."""
+        return shine_sky(view, sight.hits, sky, self.threads)
 
     def look(self, view: View, rays: int, told: Callable[[float], None]) -> Sight:
         """What this process's elements see by so many rays; `told` hears which share of them has looked."""
@@ -142,7 +143,7 @@ class Labour:
 
     def bounce(self, sight: Sight, light: Array) -> Array:
         """(3, k) float32, W/m2: what this process's elements receive of the radiosity of all, `light` (n, 3) float32, through what they see."""
-        return self.shared(sight.spots, light, lambda rest: gather.gather(sight.hits, rest, self.threads))
+        return self.shared(sight.spots, light, lambda rest: gather.gather(sight.hits, gather.padded(rest), self.threads))
 
     def shared(self, spots: Spots | None, light: Array, gathered: Callable[[Array], Array]) -> Array:
         """(3, k) float32, W/m2: what this process's elements receive of `light` (n, 3): of spots by rows, and what of the rest is `gathered`."""
@@ -159,6 +160,12 @@ class Labour:
         """(3, k) float32: the same, with more rays where what they bring is unlike (`closer`)."""
         return gather_closer(view, sight.hits, light, unlike, self.threads, told)
 
-    def gather(self, view: View, light: Array, rays: int, told: Callable[[float], None]) -> Array:
-        """(3, k) float32: the mean over what other rays meet, so many of each element, of which nothing is kept."""
-        return view.gather(light, rays, self.threads, told)
+    def gather(self, view: View, light: Array, rays: int, sky: Even | None, told: Callable[[float], None]) -> tuple[Array, Array | None]:
+        """(3, k) float32 each: the mean over what other rays meet, so many of each element, of which nothing is kept; and what these see of a sky."""
+        result, known = np.empty((2, 3, view.numbers.shape[1]), np.float32), gather.padded(light)
+        for some, hits in view.look_anew(rays, self.threads):
+            result[0, :, some] = gather.gather(hits, known, self.threads)
+            if sky is not None:
+                result[1, :, some] = shine_sky(view.part(some), hits, sky, self.threads)
+            told(some.stop / result.shape[2])
+        return result[0], None if sky is None else result[1]

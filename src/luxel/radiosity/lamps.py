@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,25 +9,18 @@ import numpy as np
 from luxel.arrays import Array
 from luxel.errors import DarkError, InputError
 from luxel.radiosity.direct import light_table, sky_table
-from luxel.radiosity.gather import Sight, View
-from luxel.radiosity.labour import Labour
-from luxel.radiosity.sky import split
+from luxel.radiosity.sky import Even, split
 from luxel.scene.scene import Scene
 
 _SUN_DIRECTIONS = 2048  # all around: what is much brighter than the rest of the sky is put into these
 
 
 class Lamps(NamedTuple):
-    """A `light_table`, its first `own` rows the scene's lights and the others the sun; and an even sky, (h, w, 3) W/(m2 sr), or None."""
+    """A `light_table`, its first `own` rows the scene's lights and the others the sun; and an even sky, or None."""
 
     table: Array
     own: int
-    sky: Array | None
-
-    def shine(self, view: View, sight: Callable[[], Sight], rows: slice, sky: bool, labour: Labour) -> Array:
-        """(3, k) float32: irradiance of the elements of `view` from some of the lights, W/m2."""
-        received = labour.shine(view, self.table[rows])
-        return received + labour.sky(view, sight(), self.sky) if sky and self.sky is not None else received
+    sky: Even | None
 
 
 def lamps_of(scene: Scene, sky: Any) -> Lamps:

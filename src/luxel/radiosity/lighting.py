@@ -15,6 +15,7 @@ import numpy as np
 from luxel.arrays import Array
 from luxel.radiosity import checkpoint as saving
 from luxel.radiosity import lightmap
+from luxel.radiosity.effort import Rays
 from luxel.radiosity.gather import Sight
 from luxel.radiosity.labour import Labour
 from luxel.radiosity.lamps import Lamps
@@ -67,7 +68,7 @@ class Lighting:
     Attributes:
         prepared, lamps: What is lit, and by what that has no surface.
         settings, labour: How well, and by whom.
-        rays: By so many elements look around.
+        rays: By which elements look around.
         rows: Rows of transport that are kept: of patches, of lights and of spots, at most.
         told: Hears the unshot share, and a `Progress`; or None.
         state: Of the solve; whoever reads one from a file, or keeps it elsewhere, puts it here.
@@ -76,7 +77,7 @@ class Lighting:
     prepared: Prepared
     lamps: Lamps
     settings: Quality
-    rays: int
+    rays: Rays
     rows: tuple[int, int, int]
     labour: Labour
     told: Callable[[float, Progress], None] | None
@@ -93,7 +94,7 @@ class Lighting:
     @cached_property
     def sight(self) -> Sight:
         """What elements see by their rays. They look when that is first asked for."""
-        own = self.labour.look(self.prepared.view, self.rays, self.tell)
+        own = self.labour.look(self.prepared.view, self.rays.kept, self.tell)
         return own._replace(away=self.labour.join(own.away, self._elements))
 
     @cached_property
@@ -111,6 +112,17 @@ class Lighting:
         """(3, n) float32 W/m2: what elements receive of what has no surface."""
         return self._shine(slice(None), True)
 
+    @cached_property
+    def sky(self) -> Array:
+        """(3, n) float32 W/m2: what they receive of the sky, which there must be."""
+        assert self.lamps.sky is not None
+        return self.labour.join(self.labour.sky(self.prepared.view, self.sight, self.lamps.sky), self._elements)
+
+    @cached_property
+    def direct(self) -> Array:
+        """(3, n) float32 W/m2: what they receive of all lights, once these have shot."""
+        return self.state.direct
+
     @property
     def _elements(self) -> int:
         return self.prepared.cut.problem.elements.numbers.shape[1]
@@ -121,8 +133,9 @@ class Lighting:
         return Rows(0 if source is None else len(source.tree.patches), problem.own.numbers.shape[1], kept, self.labour.empty)
 
     def _shine(self, rows: slice, sky: bool) -> Array:
-        """(3, n) float32 W/m2: what elements receive of some of the lamps without a surface."""
-        return self.labour.join(self.lamps.shine(self.prepared.view, lambda: self.sight, rows, sky, self.labour), self._elements)
+        """(3, n) float32 W/m2: what elements receive of some of the lamps without a surface, and of the sky if there is one."""
+        received = self.labour.join(self.labour.shine(self.prepared.view, self.lamps.table[rows]), self._elements)
+        return received + self.sky if sky and self.lamps.sky is not None else received
 
     def begin(self) -> None:
         """The state before the first shot."""
@@ -148,19 +161,24 @@ class Lighting:
     @property
     def bounces_once_more(self) -> bool:
         """Whether the quality asks for a last bounce."""
-        return bool(self.settings.gathered or (self.settings.seen and self.settings.unlike < math.inf))
+        return bool(self.rays.gathered or (self.settings.seen and self.settings.unlike < math.inf))
 
     def last_bounce(self, irradiance: Array) -> Array:
         """(3, n) float32 W/m2: the direct light, and what elements receive once more of the `irradiance` of all, looking as well as is asked for."""
-        view, seen, settings, labour = self.prepared.view, self.spotted, self.settings, self.labour
-
-        def gathered(light: Array) -> Array:
-            if settings.gathered:
-                return labour.gather(view, light, settings.gathered, self.tell)
-            return labour.look_closer(view, seen, light, settings.unlike, self.tell)
-
         light = (self.prepared.cut.problem.albedo * irradiance).T.copy()
-        return self.state.direct + labour.join(labour.shared(seen.spots, light, gathered), self._elements)
+        bounce = self.labour.join(self.labour.shared(self.spotted.spots, light, self._gather), self._elements)
+        return self.direct + bounce
+
+    def _gather(self, light: Array) -> Array:
+        """(3, k) float32 W/m2: what this process's elements receive of `light` (n, 3); by many rays the sky is seen better, too."""
+        view, labour = self.prepared.view, self.labour
+        if not self.rays.gathered:
+            return labour.look_closer(view, self.spotted, light, self.settings.unlike, self.tell)
+        bounce, sky = labour.gather(view, light, self.rays.gathered, self.lamps.sky, self.tell)
+        if sky is not None:
+            finer = labour.join(sky, self._elements) - self.sky
+            self.direct, self.still, self.sky = self.direct + finer, self.still + finer, self.sky + finer
+        return bounce
 
     def transport(self) -> Transport | None:
         """What lights the scene anew, with the rows of all lights; None on processes that do not lead."""

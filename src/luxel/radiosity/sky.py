@@ -9,6 +9,7 @@ directional lights (`direct`).
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,24 +24,31 @@ from luxel.radiosity.hemicube import frames_of
 from luxel.radiosity.packet import AT, DX, DY, DZ, FOUND, OX, OY, OZ, WIDTH
 
 _BRIGHT = 8.0  # times the mean: beyond, a pixel's light is directional lights'
-COARSE, FINE = 16, 64  # rows of the pictures that cells, and parts of cells, are looked up in
+_COARSE, _FINE = 16, 64  # rows of the pictures that cells, and parts of cells, are looked up in, at most
 TOGETHER = 16  # elements that tell each other what they see: a window too small for the rays of one is found by those of others
 _NO_SKY, _SKY, _EDGE = range(3)
 _FINELY, _COARSELY = 4, 2  # parts along a side of a cell at an edge: where few cells are, and where many are
 _FEW = 2  # few: at most one of so many
 
 
-def split(sky: Array) -> tuple[Array, Array]:
-    """A sky (3,) or (h, w, 3), W/(m2 sr), as what is even enough for cells, (h, w, 3), and the rest, (h, w, 3): the sun."""
+class Even(NamedTuple):
+    """A sky without what is much brighter than the rest, as pictures to look up whole cells in, and parts of cells: (h, w, 3) float32, W/(m2 sr)."""
+
+    coarse: Array
+    fine: Array
+
+
+def split(sky: Array) -> tuple[Even, Array]:
+    """A sky (3,) or (h, w, 3), W/(m2 sr), as what is even enough for cells, and the rest, (h, w, 3): the sun."""
     picture = np.asarray(sky, np.float64).reshape(1, 1, 3) if np.ndim(sky) == 1 else np.asarray(sky, np.float64)
     ring = np.sin((np.arange(len(picture)) + 0.5) / len(picture) * np.pi)[:, None]
     level = picture.sum(2)
     most = _BRIGHT * (level * ring).sum() / (ring.sum() * level.shape[1])
     even = picture * np.minimum(1.0, most / np.maximum(level, 1e-300))[:, :, None]
-    return even, picture - even
+    return Even(_shrunk(even, _COARSE), _shrunk(even, _FINE)), picture - even
 
 
-def shrunk(picture: Array, rows: int) -> Array:
+def _shrunk(picture: Array, rows: int) -> Array:
     """At most so many rows, and twice as many columns: (h, w, 3) float32 means, each row of pixels by its solid angle."""
     ring = np.sin((np.arange(len(picture)) + 0.5) / len(picture) * np.pi)[:, None, None]
     for axis, most in ((0, rows), (1, 2 * rows)):
@@ -184,11 +192,10 @@ def cells(rays: int) -> tuple[Array, int, int]:
     return np.stack([i * wide // rays, turned_round * high // rays], 1).astype(np.int32), wide, high
 
 
-def shine_sky(view: View, hits: Array, even: Array, threads: int) -> Array:
-    """(3, n) float32: irradiance, W/m2, that an `even` sky (h, w, 3) gives to elements that see `hits` (n, rays), rays a power of two."""
+def shine_sky(view: View, hits: Array, sky: Even, threads: int) -> Array:
+    """(3, k) float32: irradiance, W/m2, that a sky gives to the k elements of `view`, which see `hits` (k, rays), rays a power of two."""
     cell, wide, high = cells(hits.shape[1])
     result = np.empty((3, len(hits)), np.float32)
     frames = frames_of(view.numbers[NX : NZ + 1].T)
-    pictures = shrunk(even, COARSE), shrunk(even, FINE)
-    jit.run(_gather, threads, view.scene, view.numbers, frames, np.float32(view.reach), hits, cell, wide, high, *pictures, result)
+    jit.run(_gather, threads, view.scene, view.numbers, frames, np.float32(view.reach), hits, cell, wide, high, *sky, result)
     return result

@@ -112,17 +112,17 @@ def gather_mean(k, first, hits, light, result):
 
 
 @part
-def find_cells(g, hits, sky):
-    """What the cells of the sky are to group `g`."""
+def find_cells(g, count, hits, sky):
+    """What the cells of the sky are to group `g` of so many elements."""
     wide, high = sky.kind.shape[1], sky.kind.shape[2]
-    first, last = g * TOGETHER, min(len(hits), (g + 1) * TOGETHER)
+    first, last = g * TOGETHER, min(count, (g + 1) * TOGETHER)
     sky.some[g] = classify(hits, sky.cell, first, last, wide, high, sky.seen[g], sky.kind[g])
 
 
 @part
-def sky_light(i, eyes, sky, result, local, c, stack):
-    """result[:, i]: the light of the sky on element `i`, W/m2. `local` (3,) float64 is scratch."""
-    g, s = i // TOGETHER, eyes.scene
+def sky_light(k, first, eyes, sky, result, local, c, stack):
+    """result[:, i]: the light of the sky on element i = first + k, W/m2. `local` (3,) float64 is scratch."""
+    i, g, s = first + k, k // TOGETHER, eyes.scene
     red, green, blue = light_of(i, sky.some[g], sky.kind[g], s, eyes.numbers, eyes.frames[i], eyes.reach, sky.coarse, sky.fine, local, c, stack)
     result[0, i], result[1, i], result[2, i] = np.float32(red), np.float32(green), np.float32(blue)
 
