@@ -7,7 +7,7 @@ from laid import laid_out, rectangle
 import luxel
 from luxel import InputError, Instance, LuxelWarning, Material, Mesh, Scene, Texture, TextureRef
 from luxel.radiosity import packing, pieces
-from luxel.radiosity.diagnosis import diagnose, estimate, work_of
+from luxel.radiosity.diagnosis import diagnose, estimate
 from luxel.radiosity.effort import effort
 from luxel.radiosity.luxels import find_luxels, surface_areas
 from luxel.radiosity.quality import QUALITIES
@@ -288,19 +288,19 @@ def test_a_diagnosis_reads_well():
     assert small[1] < large[1]
 
 
-@pytest.mark.parametrize(("luxels", "triangles", "seconds"), [
-    (28_288, 46, (0.32, 0.45, 1.33, 0.96, 1.54, 2.4)),  # Cornell box, 120 luxels a metre
-    (309_168, 46, (2.1, 3.6, 11.7, 8.5, 14.0, 22.8)),  # and 400
-    (14_445, 3_204, (0.26, 0.37, 1.31, 0.29, 0.47, 1.42)),  # room-simple
-    (29_503, 82_692, (1.9, 3.3, 9.3, 2.2, 4.4, 10.0)),  # the demo's room
+@pytest.mark.parametrize(("luxels", "triangles", "dark", "sky"), [
+    (28_288, 46, (0.28, 0.29, 0.97), (0.82, 1.3, 6.4)),  # Cornell box, 120 luxels a metre
+    (309_168, 46, (2.6, 4.1, 10.8), (7.6, 12.1, 58.0)),  # and 400
+    (14_445, 3_204, (0.20, 0.28, 0.89), (0.22, 0.36, 1.8)),  # room-simple
+    (29_503, 82_692, (2.0, 3.5, 7.1), (2.4, 4.4, 12.2)),  # the demo's room
 ])  # fmt: skip
-def test_the_time_of_a_bake_is_told_within_a_factor_of_two(luxels, triangles, seconds):
-    """As measured on two cores: processor time by two, and the layout's; draft, normal and final, dark and under a sky."""
-    kinds = [(64, 0, False, False), (128, 0, True, False), (128, 1024, False, False),
-             (128, 0, False, True), (256, 0, True, True), (256, 1024, False, True)]  # fmt: skip
-    for kind, took in zip(kinds, seconds, strict=True):
-        said = estimate(luxels, triangles, kind[0], work_of(*kind))[1]
-        assert took / 2 < said < took * 2, kind
+def test_the_time_of_a_bake_is_told_roughly(luxels, triangles, dark, sky):
+    """Within a factor of two without a sky, of three under one, as nobody knows how much of it is seen: nothing in room-simple, much in a box that
+    is open in front. As measured on two cores: processor time by two, of draft, normal and final."""
+    for quality, took, under in zip(("draft", "normal", "final"), dark, sky, strict=True):
+        said, below = (estimate(luxels, triangles, *effort(QUALITIES[quality], there, True))[1] for there in (False, True))
+        assert took / 2 < said < took * 2, quality
+        assert under / 3 < below < under * 3, quality
 
 
 @pytest.mark.parametrize(("quality", "luxels", "triangles", "sky", "glows", "seconds"), [
@@ -312,11 +312,11 @@ def test_the_time_of_a_bake_is_told_within_a_factor_of_two(luxels, triangles, se
     ("progressive", 11_497, 69_451, True, False, 2.5),  # a bunny under a sky
     ("progressive", 12_941, 69_453, False, True, 1.1),  # and below a lamp
     ("reference", 7_006, 46, False, True, 6.0),
-    ("reference", 3_213, 46, True, True, 3.0),
+    ("reference", 3_280, 46, True, True, 7.3),
     ("reference", 6_086, 3_204, False, True, 11.3),
     ("reference", 6_086, 3_204, True, True, 8.6),
     ("reference", 1_304, 69_453, False, True, 2.7),
-    ("reference", 2_167, 69_451, True, False, 1.8),
+    ("reference", 1_563, 69_451, True, False, 5.5),
 ])  # fmt: skip
 def test_the_time_of_shooters_is_told_as_roughly(quality, luxels, triangles, sky, glows, seconds):
     """As measured on two cores, without the layout, which a dry run has just made: processor time by two."""

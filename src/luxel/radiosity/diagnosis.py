@@ -34,7 +34,8 @@ _ROWS_A_SPOT = 1.2  # of the points that spots are to have
 _RAYS = 128  # of a luxel in a bake of normal quality without a sky
 _SECONDS_A_TRIANGLE, _SECONDS_AT_LEAST = 1e-5, 0.1  # to lay them out
 _SECONDS_A_RAY = 1.1e-8  # for each doubling of the triangles, as all that follow
-_OWN, _CLOSER, _SKY, _GATHERED = 30, 36, 64, 0.45  # as many rays take what each luxel, looking closer, and the sky's edges take; and a ray not kept
+_OWN, _CLOSER, _SKY = 30, 36, 64  # as many rays take what each luxel, looking closer, and the sky's edges take
+_GATHERED, _SKY_GATHERED = 0.45, 0.14  # and a ray that is not kept, and the sky's edges with it
 _PAIR = 0.8  # as many rays takes one between a luxel and a light that it asks for
 _SCATTER, _ALONE = 0.4, 2.0  # a triangle keeps neighbours from looking at the same, as so many luxels more; at most all luxels from all of theirs
 _WORK = float(_OWN + _RAYS + _CLOSER)  # of a bake of normal quality without a sky
@@ -199,7 +200,7 @@ def diagnose(atlas: Atlas, threads: int | None = None, rays: int = _RAYS, work: 
 
 def work_of(rays: int, gathered: int, closer: bool, sky: bool) -> float:
     """What a luxel does in a bake, in rays by which it looks around: `rays`, those `gathered` once more, those closer, and those at a sky's edges."""
-    return _OWN + rays + _GATHERED * gathered + _CLOSER * closer + _SKY * sky
+    return _OWN + rays + _GATHERED * gathered + _CLOSER * closer + (_SKY + _SKY_GATHERED * gathered) * sky
 
 
 def estimate(luxels: int, triangles: int, rays: int = _RAYS, work: float = _WORK, shooting: Shooting | None = None,
