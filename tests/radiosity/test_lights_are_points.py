@@ -173,11 +173,11 @@ def test_beside_a_rug_the_floor_is_as_light_as_elsewhere():
 
 
 def test_parts_of_cells_and_spots_are_an_orthogonal_array():
-    spots = np.array([sky._spot_of_part.py_func(part, 4) for part in range(16)])
+    spots = np.array([sky._sample_of_part.py_func(part, 4) for part in range(16)])
     four = np.stack([np.arange(16) % 4, np.arange(16) // 4, spots % 4, spots // 4])
     for a, b in itertools.combinations(four, 2):
         assert len(set(zip(a, b, strict=True))) == 16
-    few = np.array([sky._spot_of_part.py_func(part, 2) for part in range(4)])
+    few = np.array([sky._sample_of_part.py_func(part, 2) for part in range(4)])
     assert len(set(few)) == 4
     assert (few % 4).mean() == (few // 4).mean() == 1.5
 

@@ -19,6 +19,8 @@ from luxel.radiosity.occlusion import Masks, prepare
 from luxel.radiosity.sky import cells, split
 from luxel.radiosity.solve import pass_on
 from luxel.radiosity.transfer import polygon_factor
+from luxel.scene.builtin import icosphere
+from luxel.scene.normals import with_normals
 from luxel.scene.transforms import look_at
 
 
@@ -115,7 +117,7 @@ def test_light_passed_on_in_a_closed_scene_is_received():
     hits = rng.integers(0, 50, (50, 64)).astype(np.int32)
     hits[rng.random(hits.shape) < 0.02] = LOST
     area, light = rng.random(50).astype(np.float32), rng.random((50, 3)).astype(np.float32)
-    got, away = pass_on(Sight(hits, np.zeros(50)), light, area, Labour(1))
+    got, away = pass_on(Sight(hits, np.zeros(50), np.zeros(50, bool)), light, area, Labour(1))
     np.testing.assert_allclose(got.astype(np.float64) @ area, light.T.astype(np.float64) @ area, rtol=1e-6)
     assert not away.any()
     bare = gather(hits, padded(light), 2)
@@ -181,6 +183,50 @@ def test_a_sun_is_not_part_of_the_even_sky():
     np.testing.assert_allclose(bake(floor, density=4, sky=picture).irradiance, whole, rtol=0.03)
 
 
+@pytest.mark.parametrize("elevation", [5, 20, 45])
+def test_the_sun_of_a_picture_is_where_it_is(elevation):
+    """Half a degree of radius, anywhere between the directions that much brighter pixels are put into."""
+    floor = Scene()
+    corners = np.array([[-1, 0, 1], [1, 0, 1], [1, 0, -1], [-1, 0, -1]], np.float32)
+    floor.add(Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32)), matte(0.1))
+    rows, columns = 180, 360
+    polar, around = (np.arange(rows) + 0.5) / rows * np.pi, ((np.arange(columns) + 0.5) / columns - 0.5) * 2 * np.pi
+    ring = np.sin(polar)[:, None]
+    pixels = np.stack([ring * np.sin(around), np.repeat(np.cos(polar)[:, None], columns, 1), -ring * np.cos(around)], -1)
+    for azimuth in np.radians([0.0, 47.3, 101.7, 200.2]):
+        height = np.radians(elevation)
+        toward = np.array([np.cos(height) * np.sin(azimuth), np.sin(height), -np.cos(height) * np.cos(azimuth)])
+        picture = np.where(pixels @ toward > np.cos(np.radians(1.5)), 1e4, 0.0)
+        exact = (picture * np.maximum(pixels[..., 1], 0) * ring).sum() * (np.pi / rows) * (2 * np.pi / columns)
+        baked = bake(floor, density=4, sky=np.repeat(picture[..., None], 3, 2), quality="draft")
+        np.testing.assert_allclose(baked.direct, exact, rtol=0.01)
+
+
+@pytest.mark.parametrize("density", [3.0, 10.0])
+def test_what_bends_does_not_shadow_itself(density):
+    """A ball from the inside, lit from its middle: luxels much larger than its triangles, and smaller."""
+    shape, scene = icosphere(3.0, 4), Scene()
+    scene.add(Mesh(shape.positions, np.ascontiguousarray(shape.triangles[:, ::-1]), -shape.normals), matte(0.1))
+    scene.lights.append(Light("point", intensity=9.0, world_from_light=np.eye(4)))
+    np.testing.assert_allclose(bake(scene, density=density, quality="draft").direct, 1.0, atol=0.01)
+
+
+def test_hills_lie_in_the_sun():
+    n, size = 60, 15.0
+    x, z = np.meshgrid(*[np.linspace(-size / 2, size / 2, n + 1)] * 2, indexing="ij")
+    y = 0.8 * np.sin(0.9 * x) * np.cos(0.7 * z) + 0.3 * np.sin(2.3 * x + 1) * np.sin(1.9 * z)
+    first = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
+    triangles = np.concatenate([np.stack([first, first + 1, first + n + 2], 1), np.stack([first, first + n + 2, first + n + 1], 1)])
+    scene = Scene()
+    scene.add(with_normals(Mesh(np.stack([x, y, z], -1).reshape(-1, 3).astype(np.float32), triangles.astype(np.int32))), matte(0.1))
+    toward = np.array([0.3, 1.0, 0.2]) / np.linalg.norm([0.3, 1.0, 0.2])
+    scene.lights.append(Light("directional", intensity=1.0, world_from_light=look_at(tuple(10 * toward), (0, 0, 0), (0, 0, 1))))
+    baked = bake(scene, density=6, quality="draft")
+    share = baked.direct[:, 0] / np.maximum(baked.luxels.normal @ toward, 0.05)
+    assert np.percentile(share, 1) > 0.99
+    assert share.mean() == pytest.approx(1, abs=0.005)
+
+
 class Compared(Labour):
     """Notes how elements see the last bounce: by one look, closer, and by 4,096 rays."""
 
@@ -236,6 +282,30 @@ def test_who_sees_by_hardly_any_ray_is_dark(monkeypatch):
         hits[:, :: rays // known] = np.arange(elements, dtype=np.int32)[:, None]  # a light that each has for itself
         seen = gather_closer(view, hits, light, np.inf, 2, lambda _: None)
         np.testing.assert_allclose(seen, share * light.T, rtol=1e-5)
+
+
+def test_no_light_comes_up_through_the_floor_of_a_house_on_sunny_ground():
+    """A slab lies half in the ground, walls stand in it. What of the walls is in the slab sees the ground, whose luxels there are in the slab,
+    too: the nearest of them that are not are in the sun, outside."""
+    scene = Scene()
+    ground = np.array([[-6, 0, 6], [6, 0, 6], [6, 0, -6], [-6, 0, -6]], np.float32)
+    scene.add(Mesh(ground, np.array([[0, 1, 2], [0, 2, 3]], np.int32)), matte((0.3, 0.35, 0.2)))
+    box(matte(0.7), (-2, -0.1, -2), (2, 0.1, 2), scene, inward=False)
+    box(matte(0.7), (-2.2, 2, -2.2), (2.2, 2.2, 2.2), scene, inward=False)
+    for low, high in (((-2, 0, -2), (2, 2, -1.8)), ((-2, 0, -2), (-1.8, 2, 2)), ((1.8, 0, -2), (2, 2, 2)),
+                      ((-2, 0, 1.8), (-0.7, 2, 2)), ((0.7, 0, 1.8), (2, 2, 2)), ((-0.7, 0, 1.8), (0.7, 0.8, 2))):  # fmt: skip
+        box(matte(0.7), low, high, scene, inward=False)
+    scene.lights.append(Light("directional", intensity=20.0, world_from_light=look_at((5, 8, 9), (0, 0, 0), (0, 1, 0))))
+    baked = bake(scene, density=12, sky=0.8)
+    p, n, (page, row, column) = baked.luxels.position, baked.luxels.normal, baked.luxels.texel.T
+    inner = (np.abs(p[:, 2] - 1.8) < 1e-3) & (n[:, 2] < -0.9) & (np.abs(p[:, 0]) < 1.7)
+    shown = baked.pages[page, row, column, 0]
+    below, foot, wall = (inner & (p[:, 1] > low) & (p[:, 1] < high) for low, high in ((0, 0.1), (0.1, 0.2), (0.2, 0.4)))
+    assert below.sum() > 20
+    assert baked.valid[below].mean() < 0.2
+    for part in (below, foot):
+        assert shown[part].max() < 1.2 * shown[wall].max()
+        assert shown[part].mean() > 0.6 * shown[wall].mean()  # nor is there a dark line
 
 
 @pytest.mark.parametrize("quality", ["draft", "normal"])

@@ -20,7 +20,7 @@ from luxel.cuda.device import find
 from luxel.cuda.threads.look import TOGETHER, Closer, Eyes, Sky
 from luxel.cuda.threads.shoot import Cubes, Receivers, Shots
 from luxel.errors import DeviceError, LuxelWarning
-from luxel.radiosity.direct import AT
+from luxel.radiosity.direct import QUARTERS
 from luxel.radiosity.directions import cosine_directions
 from luxel.radiosity.element import NX, NZ
 from luxel.radiosity.gather import Sight, View, padded
@@ -169,11 +169,11 @@ class GpuLabour(Labour):
     def shine(self, view: View, table: Array) -> Array:
         """(3, n) float32."""
         gpu, n, eyes = self.gpu, view.numbers.shape[1], self.eyes(view)
-        received, at = gpu.array(np.zeros((3, n), _F)), gpu.array(np.array(AT))
-        step = max(1, memory.RAYS_AT_ONCE // (len(AT) * n))
+        received = gpu.array(np.zeros((3, n), _F))
+        step = max(1, memory.RAYS_AT_ONCE // (QUARTERS * n))
         for first in range(0, len(table), step):
             some = gpu.array(table[first : first + step])
-            gpu.launch(self.kernels.shine, (n, 1), eyes.scene, eyes.numbers, some, at, float(view.reach), received)
+            gpu.launch(self.kernels.shine, (n, 1), eyes.scene, eyes.numbers, some, float(view.reach), received)
             gpu.wait()
         return gpu.host(received)
 
@@ -205,8 +205,9 @@ class GpuLabour(Labour):
             gpu.launch(self.kernels.look, (n, last - ray), eyes, 0, ray, directions, hits)
             gpu.wait()
             told(last / rays)
-        gpu.launch(self.kernels.count_away, (n, 1), eyes.numbers, hits, away)
-        return Sight(hits, away)
+        blind = gpu.empty((n,), np.bool_)
+        gpu.launch(self.kernels.count_away, (n, 1), eyes.numbers, hits, away, blind)
+        return Sight(hits, away, gpu.host(blind))
 
     def bounce(self, sight: Sight, light: Array) -> Array:
         """(3, n) float32: what elements receive of `light` (n, 3). In a solve `GpuState.pass_on` does it."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from luxel import jit
 from luxel.arrays import Array
 from luxel.errors import InputError
 from luxel.radiosity.direct import shine, sky_table
+from luxel.radiosity.element import find_free
 from luxel.radiosity.elements import frames_of_texels
 from luxel.radiosity.labour import Labour
 from luxel.radiosity.rays import Occluders
@@ -40,10 +41,15 @@ def ambient_occlusion(atlas: Atlas, luxels: Luxels, distance: float, directions:
     if not 0 < distance < np.inf:
         raise InputError(f"distance of ambient occlusion: expected metres above 0, got {distance!r}")
     u, v = frames_of_texels(atlas, flatten(atlas.scene, "none"), luxels)
-    columns = (luxels.position, luxels.normal, luxels.face_normal, luxels.area[:, None], u, v)
-    numbers = np.ascontiguousarray(np.concatenate(columns, 1, dtype=np.float32).T)
+    columns = (luxels.position, luxels.normal, luxels.face_normal, luxels.area[:, None], u, v, np.zeros((len(u), 1)))
+    numbers = np.concatenate(columns, 1, dtype=np.float32).T
     rays = Occluders.of_scene(atlas.scene).occlusion
     sky = sky_table(np.ones(3), directions)
     labour = labour or Labour(jit.checked_threads(threads))
-    received = labour.each(len(luxels.area), lambda some: shine(rays, numbers[:, some], sky, distance, labour.threads)[0])
-    return np.clip(received / np.float32(np.pi), 0, 1)
+
+    def seen(some: Any) -> Array:
+        own = np.ascontiguousarray(numbers[:, some])
+        find_free(rays, atlas.chart, luxels.chart[some], own, labour.threads)
+        return shine(rays, own, sky, distance, labour.threads)[0]
+
+    return np.clip(labour.each(len(luxels.area), seen) / np.float32(np.pi), 0, 1)

@@ -142,7 +142,9 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
         received = lighting.last_bounce(received)
         clock.lap("gather")
     values, direct = prepared.per_luxel(received), prepared.per_luxel(lighting.direct)
-    baked = Baked(atlas, prepared.luxels, values, prepared.valid, direct, lighting.state.ledger, clock.seconds, finished)
+    valid = lighting.valid()
+    values[~valid] = 0
+    baked = Baked(atlas, prepared.luxels, values, valid, direct, lighting.state.ledger, clock.seconds, finished)
     if transport or layers:
         kept = lighting.transport()
         baked.transport = kept if transport else None

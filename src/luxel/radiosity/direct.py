@@ -1,7 +1,8 @@
 """Direct light of what has no surface: point, spot and directional lights (KHR_lights_punctual), and the sky, by rays.
 
-Every element asks from several points spread over it, so that shadows' edges are as soft as the lightmap is coarse. The sky is a set of directions,
-each standing for an equal part of the sphere; an element turns none of them, so neighbours agree and there is no noise.
+Every element asks from each of its quarters, so that shadows' edges are as soft as the lightmap is coarse, and what bends does not shadow
+itself. The sky is a set of directions, each standing for an equal part of the sphere; an element turns none of them, so neighbours agree and there
+is no noise.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import numpy as np
 from luxel import jit
 from luxel.arrays import Array, checked
 from luxel.radiosity.directions import sphere_directions
-from luxel.radiosity.element import GX, GY, GZ, NX, NY, NZ, PX, PY, PZ, UX, UY, UZ, VX, VY, VZ
+from luxel.radiosity.element import FREE, GX, GY, GZ, LIFT, NX, NY, NZ, quarter_of
 from luxel.radiosity.occlusion import Occlusion, occluded
 from luxel.scene.light import Light
 
@@ -22,7 +23,8 @@ _CHUNK = 256
 _PIXELS_PER_DIRECTION = 64
 # Columns of a table of lights: position; direction it shines in; intensity by channel; 1 if it is far away; range; cosines of the cones.
 _X, _Y, _Z, _DX, _DY, _DZ, _RED, _GREEN, _BLUE, _FAR, _RANGE, _INNER, _OUTER = range(13)
-AT = ((-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25))
+QUARTERS = 4
+"""Of an element, from each of which a ray goes to every light."""
 
 
 def light_table(lights: Sequence[Light]) -> Array:
@@ -54,16 +56,15 @@ def _strength(light, dx, dy, dz, r2):
 
 
 @jit.part
-def shine_on(j, scene, numbers, table, at, reach, received):
-    """Add to received (3, n) what the lights of a `light_table` give to element `j`, by a ray to each from the points `at` (k, 2) of its sides."""
+def shine_on(j, scene, numbers, table, reach, received):
+    """Add to received (3, n) what the lights of a `light_table` give to element `j`, by a ray to each from every quarter."""
     nx, ny, nz = np.float64(numbers[NX, j]), np.float64(numbers[NY, j]), np.float64(numbers[NZ, j])
-    gx, gy, gz = np.float64(numbers[GX, j]), np.float64(numbers[GY, j]), np.float64(numbers[GZ, j])
+    gx, gy, gz, free = np.float64(numbers[GX, j]), np.float64(numbers[GY, j]), np.float64(numbers[GZ, j]), np.int64(numbers[FREE, j])
     for k in range(len(table)):
         light, sum_ = table[k], 0.0
-        for p in range(len(at)):
-            x = numbers[PX, j] + at[p, 0] * numbers[UX, j] + at[p, 1] * numbers[VX, j]
-            y = numbers[PY, j] + at[p, 0] * numbers[UY, j] + at[p, 1] * numbers[VY, j]
-            z = numbers[PZ, j] + at[p, 0] * numbers[UZ, j] + at[p, 1] * numbers[VZ, j]
+        for p in range(QUARTERS):
+            a, b, c = quarter_of(numbers, j, p, free, LIFT)
+            x, y, z = np.float64(a), np.float64(b), np.float64(c)
             if light[_FAR] != 0.0:
                 dx, dy, dz, length = -light[_DX], -light[_DY], -light[_DZ], reach
             else:
@@ -79,31 +80,29 @@ def shine_on(j, scene, numbers, table, at, reach, received):
                     sum_ += strength
         if sum_ > 0.0:
             for channel in range(3):
-                received[channel, j] += np.float32(sum_ / len(at) * light[_RED + channel])
+                received[channel, j] += np.float32(sum_ / QUARTERS * light[_RED + channel])
 
 
 @jit.parallel_kernel
-def _shine(queue, scene, numbers, table, at, reach, received):
-    scene, numbers, table, at, received = jit.borrow(scene), jit.borrow(numbers), jit.borrow(table), jit.borrow(at), jit.borrow(received)
+def _shine(queue, scene, numbers, table, reach, received):
+    scene, numbers, table, received = jit.borrow(scene), jit.borrow(numbers), jit.borrow(table), jit.borrow(received)
     n = numbers.shape[1]
     chunk = jit.take(queue)
     while chunk * _CHUNK < n:
         for j in range(chunk * _CHUNK, min(n, (chunk + 1) * _CHUNK)):
-            shine_on(j, scene, numbers, table, at, reach, received)
+            shine_on(j, scene, numbers, table, reach, received)
         chunk = jit.take(queue)
 
 
-def shine(scene: Occlusion, numbers: Array, table: Array, reach: float, threads: int, points: int = 4) -> Array:
+def shine(scene: Occlusion, numbers: Array, table: Array, reach: float, threads: int) -> Array:
     """(3, n) float32: the irradiance, W/m2, that lights of a `light_table` give to elements, of `Elements.numbers` (17, n).
 
     Args:
         reach: Metres from any element to beyond the scene.
-        points: 1 or 4 of each element.
     """
-    at = np.array(AT if points == 4 else ((0.0, 0.0),))
     received = np.zeros((3, numbers.shape[1]), np.float32)
     if len(table):
-        jit.run(_shine, threads, scene, numbers, table, at, reach, received)
+        jit.run(_shine, threads, scene, numbers, table, reach, received)
     return received
 
 
@@ -116,14 +115,18 @@ def sky_table(sky: object, count: int) -> Array:
     """
     directions = sphere_directions(count)
     values = np.asarray(sky, np.float64)
-    radiance = np.tile(checked(values, (3,), np.float64, "sky"), (count, 1)) if values.ndim == 1 else _averaged(values, directions)
+    if values.ndim == 1:
+        radiance = np.tile(checked(values, (3,), np.float64, "sky"), (count, 1))
+    else:
+        radiance, directions = _averaged(values, directions)
     table = np.zeros((count, 13))
     table[:, _DX : _DZ + 1], table[:, _RED : _BLUE + 1], table[:, _FAR] = -directions, radiance * (4 * np.pi / count), 1
     return table[radiance.sum(1) > 0]
 
 
-def _averaged(picture: Array, directions: Array) -> Array:
-    """(n, 3): the mean radiance of what lies nearest to each direction; the whole picture is spent, each pixel by its solid angle."""
+def _averaged(picture: Array, directions: Array) -> tuple[Array, Array]:
+    """(n, 3) the mean radiance of what lies nearest to each of n directions, and (n, 3) where its light comes from on the average; the whole
+    picture is spent, each pixel by its solid angle."""
     from scipy.spatial import KDTree
 
     picture = checked(picture, ("h", "w", 3), np.float64, "sky")
@@ -138,4 +141,7 @@ def _averaged(picture: Array, directions: Array) -> Array:
     solid = np.repeat(ring, columns, 1).ravel()
     solid *= 4 * np.pi / solid.sum()
     sums = np.stack([np.bincount(nearest, solid * picture[..., c].ravel(), len(directions)) for c in range(3)], 1)
-    return sums * (len(directions) / (4 * np.pi))
+    light = solid * picture.sum(2).ravel()
+    middle = np.stack([np.bincount(nearest, light * pixels[..., axis].ravel(), len(directions)) for axis in range(3)], 1)
+    length = np.linalg.norm(middle, axis=1)[:, None]
+    return sums * (len(directions) / (4 * np.pi)), np.divide(middle, length, out=directions.copy(), where=length > 0)

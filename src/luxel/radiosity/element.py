@@ -28,6 +28,7 @@ LIFT = np.float32(0.025)
 
 _ROOF = np.float32(0.1)  # of an element's side: what is so near above it lies on it, and lets no light in below
 _CHUNK = 512
+_QUARTER = 0b110011  # two samples of a row, and two below
 _STRIDE = 7  # from sample to sample, so that those that follow each other are apart
 _F, _HALF, _STEP = np.float32, np.float32(0.5), np.float32(1 / _SIDE)
 
@@ -75,6 +76,22 @@ def free_sample(free, k):
 def point_of(numbers, i, sample, lift):
     """A sample of element `i`, `lift` of its side above the surface; metres, float32."""
     a, b = _sample_part(sample)
+    return _point_at(numbers, i, a, b, lift)
+
+
+@jit.part
+def quarter_of(numbers, i, k, free, lift):
+    """The middle of quarter `k` of element `i`, of whose samples `free` has the bits; a free one in its place, if some there are not."""
+    row, column = k // 2, k % 2
+    first = 8 * row + 2 * column
+    if (free >> first) & _QUARTER == _QUARTER:
+        return _point_at(numbers, i, _F(column) * _HALF - _HALF * _HALF, _F(row) * _HALF - _HALF * _HALF, lift)
+    return point_of(numbers, i, free_from(free, first), lift)
+
+
+@jit.part
+def _point_at(numbers, i, a, b, lift):
+    """The point of element `i` at a and b of its sides from the middle."""
     lift *= math.sqrt(numbers[AREA, i])
     x = numbers[PX, i] + lift * numbers[GX, i] + a * numbers[UX, i] + b * numbers[VX, i]
     y = numbers[PY, i] + lift * numbers[GY, i] + a * numbers[UY, i] + b * numbers[VY, i]

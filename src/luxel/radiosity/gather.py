@@ -37,6 +37,8 @@ behind it, where a surface bends or under something that stands on it."""
 _CHUNK = 32
 _RAYS_AT_ONCE = 1 << 22
 _BORDER = 2  # texels
+_FEW = 16  # hardly any: less than one of so many
+_BESIDE = 4.0  # squared, in sides of a luxel: how far from it what it stands for may lie
 _TURN = 5  # samples, from one round of rays to the next; prime to their number, so that all come in turn
 
 
@@ -242,11 +244,13 @@ class Sight(NamedTuple):
     Attributes:
         hits: (n, rays) int32: the elements that the rays of each meet, `NOWHERE`, `BACK` or `LOST`.
         away: (n,) float64: area of each times the share of its rays that go nowhere, or meet the back of something one-sided, m2.
+        blind: (n,) bool: hardly any ray of an element meets a front, or nothing: it is inside something, whatever its surroundings looked like.
         spots: Elements whose light comes by rows, if there are any.
     """
 
     hits: Array
     away: Array
+    blind: Array
     spots: Spots | None = None
 
 
@@ -301,24 +305,23 @@ def padded(light: Array) -> Array:
 
 
 @jit.part
-def lost_and_gone(hits, k):
-    """How many rays of element `k` tell nothing, and how many meet nothing or a back."""
-    lost = gone = 0
-    for r in range(hits.shape[1]):
+def away_and_blind(hits, k, area):
+    """`Sight.away` and `Sight.blind` of element `k`."""
+    rays, lost, nothing, backs = hits.shape[1], 0, 0, 0
+    for r in range(rays):
         lost += hits[k, r] == LOST
-        gone += hits[k, r] == NOWHERE or hits[k, r] == BACK
-    return lost, gone
+        nothing += hits[k, r] == NOWHERE
+        backs += hits[k, r] == BACK
+    return np.float64(area) * (nothing + backs) / max(rays - lost, 1), (rays - lost - backs) * _FEW < rays
 
 
 @jit.parallel_kernel
-def _count(queue, hits, area, away):
-    hits, area, away = jit.borrow(hits), jit.borrow(area), jit.borrow(away)
-    count, rays = hits.shape
+def _count(queue, hits, area, away, blind):
+    hits, area, away, blind = jit.borrow(hits), jit.borrow(area), jit.borrow(away), jit.borrow(blind)
     chunk = jit.take(queue)
-    while chunk * _CHUNK < count:
-        for k in range(chunk * _CHUNK, min(count, (chunk + 1) * _CHUNK)):
-            lost, gone = lost_and_gone(hits, k)
-            away[k] = np.float64(area[k]) * gone / max(rays - lost, 1)
+    while chunk * _CHUNK < len(hits):
+        for k in range(chunk * _CHUNK, min(len(hits), (chunk + 1) * _CHUNK)):
+            away[k], blind[k] = away_and_blind(hits, k, area[k])
         chunk = jit.take(queue)
 
 
@@ -350,18 +353,19 @@ def exchange_of(hits: Array, starts: Array, area: Array, threads: int) -> Array:
 def see_around(view: View, rays: int, threads: int, told: Callable[[float], None]) -> Sight:
     """Let all elements look around; `told` hears which share of them has."""
     directions, area = cosine_directions(rays).astype(np.float32), view.numbers[AREA]
-    hits, away = np.empty((len(area), rays), np.int32), np.empty(len(area))
+    hits, away, blind = np.empty((len(area), rays), np.int32), np.empty(len(area)), np.empty(len(area), np.bool_)
     for first, last in view.chunks(rays):
         view.look(directions, first, last, hits[first:last], threads)
-        jit.run(_count, threads, hits[first:last], area[first:last], away[first:last])
+        jit.run(_count, threads, hits[first:last], area[first:last], away[first:last], blind[first:last])
         told(last / len(area))
-    return Sight(hits, away)
+    return Sight(hits, away, blind)
 
 
 def element_pages(luxels: Luxels, luxel: Array, back: Array) -> Array:
     """`Lookup.element`, of elements that are `back` (n,) bool or front of `luxel` (n,) int32.
 
-    Luxels that are no elements, as their middle is inside a solid, are stood for by the nearest on their chart, and so is the chart's border.
+    Luxels that are no elements, as all of them is inside a solid, are stood for by a neighbour, and so is the chart's border. Who sees one from
+    deeper inside is in there too, and what it would stand for may be a lawn in the sun around a house: that tells nothing.
     """
     pages = np.full((2, *luxels.shape), NOWHERE, np.int32)
     for side in (0, 1):
@@ -371,7 +375,9 @@ def element_pages(luxels: Luxels, luxel: Array, back: Array) -> Array:
         if side == 0:
             without = np.flatnonzero(number < 0)
             if len(without) and len(here):
-                number[without] = number[like(luxels, without, number >= 0)]
+                found = like(luxels, without, number >= 0)
+                apart = ((luxels.position[found] - luxels.position[without]) ** 2).sum(1)
+                number[without] = np.where(apart < _BESIDE * luxels.area[found], number[found], LOST)
         page, row, column = luxels.texel.T
         pages[side, page, row, column] = number
         for _ in range(_BORDER if len(here) else 0):

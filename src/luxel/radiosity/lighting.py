@@ -95,7 +95,8 @@ class Lighting:
     def sight(self) -> Sight:
         """What elements see by their rays. They look when that is first asked for."""
         own = self.labour.look(self.prepared.view, self.rays.kept, self.tell)
-        return own._replace(away=self.labour.join(own.away, self._elements))
+        away, blind = (self.labour.join(part, self._elements) for part in (own.away, own.blind))
+        return own._replace(away=away, blind=blind)
 
     @cached_property
     def spotted(self) -> Sight:
@@ -179,6 +180,14 @@ class Lighting:
             finer = labour.join(sky, self._elements) - self.sky
             self.direct, self.still, self.sky = self.direct + finer, self.still + finer, self.sky + finer
         return bounce
+
+    def valid(self) -> Array:
+        """(n,) bool: luxels that are not inside solids. Who is not lit and sees hardly anything, now that it has looked, is in one, too."""
+        valid, blind = self.prepared.valid.copy(), self.sight.blind if self.settings.seen else None
+        if blind is not None:
+            cut = self.prepared.cut
+            valid[cut.luxel[blind & ~cut.back & ~self.direct.any(0)]] = False
+        return valid
 
     def transport(self) -> Transport | None:
         """What lights the scene anew, with the rows of all lights; None on processes that do not lead."""

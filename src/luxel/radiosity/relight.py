@@ -113,7 +113,7 @@ class Transport:
         rho = np.ascontiguousarray(albedo[self.luxel].T)
         shining = self._shine(direct, emission, threads)
         received = direct + self._exchanged(direct, rho, shining, threads)
-        labour, sight = Labour(threads), Sight(self.hits, np.zeros(0), self.spots)
+        labour, sight = Labour(threads), Sight(self.hits, np.zeros(0), np.zeros(0, np.bool_), self.spots)
         known = direct if shining is None else direct + labour.bounce(sight, shining)
         received, missing = _conjugate_residuals(lambda e: labour.bounce(sight, (rho * e).T.copy()), known, received, tolerance / _LEFT)
         received += missing + self._exchanged(missing, rho, None, threads)

@@ -17,7 +17,7 @@ from luxel.jit import part
 from luxel.radiosity.closer import find_unlike, look_closer
 from luxel.radiosity.direct import shine_on
 from luxel.radiosity.element import AREA, FREE, free_sample
-from luxel.radiosity.gather import Lookup, lost_and_gone, mean_light, met_by, sample_of, start_ray
+from luxel.radiosity.gather import Lookup, away_and_blind, mean_light, met_by, sample_of, start_ray
 from luxel.radiosity.occlusion import Occlusion
 from luxel.radiosity.packet import SCRATCH, STACK, meet_all
 from luxel.radiosity.sky import TOGETHER, classify, light_of
@@ -99,10 +99,9 @@ def look(k, r, eyes, first, first_ray, directions, hits, c, stack):
 
 
 @part
-def count_away(i, numbers, hits, away):
-    """away[i] float64: the area of element `i` times the share of its rays that meet nothing or a back, m2."""
-    lost, gone = lost_and_gone(hits, i)
-    away[i] = np.float64(numbers[AREA, i]) * gone / max(hits.shape[1] - lost, 1)
+def count_away(i, numbers, hits, away, blind):
+    """away[i] float64 m2, and blind[i]: `luxel.radiosity.gather.Sight`."""
+    away[i], blind[i] = away_and_blind(hits, i, numbers[AREA, i])
 
 
 @part
@@ -144,6 +143,6 @@ def closer_light(k, first, eyes, hits, closer, result, local, c, stack):
 
 
 @part
-def shine(i, scene, numbers, table, at, reach, result):
+def shine(i, scene, numbers, table, reach, result):
     """result[:, i] += what the lights of a table give to element `i`, W/m2."""
-    shine_on(i, scene, numbers, table, at, reach, result)
+    shine_on(i, scene, numbers, table, reach, result)
