@@ -22,9 +22,8 @@ from luxel.cuda.threads.shoot import Cubes, Receivers, Shots
 from luxel.errors import DeviceError, LuxelWarning
 from luxel.radiosity.direct import QUARTERS
 from luxel.radiosity.directions import cosine_directions
-from luxel.radiosity.element import NX, NZ
 from luxel.radiosity.gather import Sight, View, padded
-from luxel.radiosity.hemicube import FACES, GUARD, delta_form_factors, frames_of
+from luxel.radiosity.hemicube import FACES, GUARD, delta_form_factors
 from luxel.radiosity.labour import Drawn, Labour
 from luxel.radiosity.patches import Tree
 from luxel.radiosity.sky import Even, cells
@@ -162,7 +161,7 @@ class GpuLabour(Labour):
     def eyes(self, view: View) -> Eyes:
         """The elements of a view on the GPU."""
         if self._eyes is None or self._eyes[0] is not view:
-            numbers, frames = self.there(view.numbers), self.gpu.array(frames_of(view.numbers[NX : NZ + 1].T))
+            numbers, frames = self.there(view.numbers), self.gpu.array(view.frames())
             self._eyes = view, Eyes(self.there(view.scene), numbers, frames, self.there(view.lookup), _F(view.reach))
         return self._eyes[1]
 

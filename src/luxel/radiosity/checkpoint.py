@@ -16,7 +16,7 @@ from luxel.errors import FileError, InputError
 from luxel.io.files import atomic_write
 from luxel.radiosity.solve import State, Step
 
-SOLVER = 3
+SOLVER = 2
 """To be raised with every change of what the solver does, or of what a state means: what an older one has begun, another cannot end alike."""
 
 _NO_CHECKPOINT = "expected a checkpoint of a bake; the file is something else, or damaged"

@@ -17,9 +17,8 @@ from luxel import jit
 from luxel.arrays import Array
 from luxel.radiosity import packet
 from luxel.radiosity.directions import on_hemisphere
-from luxel.radiosity.element import FREE, NX, NZ, free_sample
+from luxel.radiosity.element import FREE, free_sample
 from luxel.radiosity.gather import LOST, View, met_by, padded, sample_of, start_ray
-from luxel.radiosity.hemicube import frames_of
 from luxel.radiosity.packet import WIDTH
 from luxel.radiosity.sky import TOGETHER, cells, rays_to_nowhere
 
@@ -129,7 +128,7 @@ def gather_closer(view: View, hits: Array, light: Array, unlike: float, threads:
     """
     cell, wide, high = cells(hits.shape[1])
     result = np.empty((3, len(hits)), np.float32)
-    frames, what = frames_of(view.numbers[NX : NZ + 1].T), padded(light)
+    frames, what = view.frames(), padded(light)
     for begin in range(0, len(hits), _AT_ONCE):
         end = min(len(hits), begin + _AT_ONCE)
         jit.run(_look_closer, threads, view.scene, view.numbers, frames, np.float32(view.reach), view.lookup, hits, what, cell, wide, high,

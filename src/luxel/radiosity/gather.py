@@ -39,6 +39,7 @@ _RAYS_AT_ONCE = 1 << 22
 _BORDER = 2  # texels
 _FEW = 16  # hardly any: less than one of so many
 _BESIDE = 4.0  # squared, in sides of a luxel: how far from it what it stands for may lie
+_MIXED = np.array([[73856093], [19349663], [83492791]], np.uint32)  # Teschner et al. 2003, "Optimized spatial hashing"
 _TURN = 5  # samples, from one round of rays to the next; prime to their number, so that all come in turn
 
 
@@ -179,12 +180,26 @@ class View(NamedTuple):
         numbers: (17, k) float32, of `Elements`: those that look.
         lookup: Which element lies where.
         reach: Metres: no ray goes farther.
+        turned: Groups of neighbours cast directions of their own, lest the same err alike bounce after bounce: where nobody sees a single look.
     """
 
     scene: Occlusion
     numbers: Array
     lookup: Lookup
     reach: float
+    turned: bool = False
+
+    def frames(self, first: int = 0, last: int | None = None) -> Array:
+        """(k, 3, 3) float32: of elements first .. last - 1, rows right, up, normal; `first` is a multiple of `WIDTH`."""
+        numbers = self.numbers[:, first:last]
+        frames = frames_of(numbers[NX : NZ + 1].T)
+        if not self.turned:
+            return frames
+        bits = np.ascontiguousarray(numbers[PX : PZ + 1, ::WIDTH]).view(np.uint32) * _MIXED  # of where the group is: whoever has it knows that
+        angle = np.repeat(np.bitwise_xor.reduce(bits, 0) * (2 * np.pi / 2**32), WIDTH)[: len(frames), None]
+        cosine, sine = np.cos(angle).astype(np.float32), np.sin(angle).astype(np.float32)
+        right, up, normal = frames.transpose(1, 0, 2)
+        return np.stack([cosine * right + sine * up, cosine * up - sine * right, normal], 1)
 
     def part(self, some: slice) -> View:
         """Of some of the elements."""
@@ -192,8 +207,7 @@ class View(NamedTuple):
 
     def look(self, directions: Array, first: int, last: int, hits: Array, threads: int) -> None:
         """Fill `hits` (k, rays) int32: what elements first .. last - 1 see along `directions` (rays, 3) float32 of their frames."""
-        frames = frames_of(self.numbers[NX : NZ + 1, first:last].T)
-        jit.run(_look, threads, self.scene, self.numbers, frames, directions, np.float32(self.reach), self.lookup, first, hits)
+        jit.run(_look, threads, self.scene, self.numbers, self.frames(first, last), directions, np.float32(self.reach), self.lookup, first, hits)
 
     def chunks(self, rays: int) -> Iterator[tuple[int, int]]:
         """First and last + 1 of elements that look at a time."""

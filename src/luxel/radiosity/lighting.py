@@ -16,7 +16,7 @@ from luxel.arrays import Array
 from luxel.radiosity import checkpoint as saving
 from luxel.radiosity import lightmap
 from luxel.radiosity.effort import Rays
-from luxel.radiosity.gather import Sight
+from luxel.radiosity.gather import Sight, View
 from luxel.radiosity.labour import Labour
 from luxel.radiosity.lamps import Lamps
 from luxel.radiosity.luxels import part_of
@@ -92,9 +92,14 @@ class Lighting:
             self.told(progress.unshot, progress)
 
     @cached_property
+    def view(self) -> View:
+        """Where elements look; if all of them look anew in the end, groups of neighbours have directions of their own before."""
+        return self.prepared.view._replace(turned=self.rays.gathered > 0)
+
+    @cached_property
     def sight(self) -> Sight:
         """What elements see by their rays. They look when that is first asked for."""
-        own = self.labour.look(self.prepared.view, self.rays.kept, self.tell)
+        own = self.labour.look(self.view, self.rays.kept, self.tell)
         away, blind = (self.labour.join(part, self._elements) for part in (own.away, own.blind))
         return own._replace(away=away, blind=blind)
 
@@ -117,7 +122,7 @@ class Lighting:
     def sky(self) -> Array:
         """(3, n) float32 W/m2: what they receive of the sky, which there must be."""
         assert self.lamps.sky is not None
-        return self.labour.join(self.labour.sky(self.prepared.view, self.sight, self.lamps.sky), self._elements)
+        return self.labour.join(self.labour.sky(self.view, self.sight, self.lamps.sky), self._elements)
 
     @cached_property
     def direct(self) -> Array:
@@ -135,7 +140,7 @@ class Lighting:
 
     def _shine(self, rows: slice, sky: bool) -> Array:
         """(3, n) float32 W/m2: what elements receive of some of the lamps without a surface, and of the sky if there is one."""
-        received = self.labour.join(self.labour.shine(self.prepared.view, self.lamps.table[rows]), self._elements)
+        received = self.labour.join(self.labour.shine(self.view, self.lamps.table[rows]), self._elements)
         return received + self.sky if sky and self.lamps.sky is not None else received
 
     def begin(self) -> None:
@@ -172,10 +177,10 @@ class Lighting:
 
     def _gather(self, light: Array) -> Array:
         """(3, k) float32 W/m2: what this process's elements receive of `light` (n, 3); by many rays the sky is seen better, too."""
-        view, labour = self.prepared.view, self.labour
+        labour = self.labour
         if not self.rays.gathered:
-            return labour.look_closer(view, self.spotted, light, self.settings.unlike, self.tell)
-        bounce, sky = labour.gather(view, light, self.rays.gathered, self.lamps.sky, self.tell)
+            return labour.look_closer(self.view, self.spotted, light, self.settings.unlike, self.tell)
+        bounce, sky = labour.gather(self.prepared.view, light, self.rays.gathered, self.lamps.sky, self.tell)
         if sky is not None:
             finer = labour.join(sky, self._elements) - self.sky
             self.direct, self.still, self.sky = self.direct + finer, self.still + finer, self.sky + finer

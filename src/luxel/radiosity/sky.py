@@ -18,9 +18,8 @@ from luxel.arrays import Array
 from luxel.jit import float_bits
 from luxel.radiosity import packet
 from luxel.radiosity.directions import on_hemisphere, turned
-from luxel.radiosity.element import FREE, NX, NZ, free_from
+from luxel.radiosity.element import FREE, free_from
 from luxel.radiosity.gather import NOWHERE, View, start_ray
-from luxel.radiosity.hemicube import frames_of
 from luxel.radiosity.packet import AT, DX, DY, DZ, FOUND, OX, OY, OZ, WIDTH
 
 _BRIGHT = 8.0  # times the mean: beyond, a pixel's light is directional lights'
@@ -196,6 +195,5 @@ def shine_sky(view: View, hits: Array, sky: Even, threads: int) -> Array:
     """(3, k) float32: irradiance, W/m2, that a sky gives to the k elements of `view`, which see `hits` (k, rays), rays a power of two."""
     cell, wide, high = cells(hits.shape[1])
     result = np.empty((3, len(hits)), np.float32)
-    frames = frames_of(view.numbers[NX : NZ + 1].T)
-    jit.run(_gather, threads, view.scene, view.numbers, frames, np.float32(view.reach), hits, cell, wide, high, *sky, result)
+    jit.run(_gather, threads, view.scene, view.numbers, view.frames(), np.float32(view.reach), hits, cell, wide, high, *sky, result)
     return result
