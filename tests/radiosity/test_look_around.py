@@ -67,6 +67,22 @@ def test_a_packet_meets_what_its_rays_meet():
     np.testing.assert_allclose(at[1, both], at[0, both], rtol=2e-3, atol=1e-5)
 
 
+def test_of_faces_back_to_back_a_ray_meets_the_one_that_faces_it():
+    rng = np.random.default_rng(4)
+    corners = (rng.normal(size=(200, 3, 3)) + 3.0).astype(np.float32)
+    positions = np.concatenate([corners, corners[:, [1, 0, 2]]]).reshape(-1, 3)  # each, and its other side, which begins at another corner
+    triangles = rng.permutation(np.arange(1200, dtype=np.int32).reshape(-1, 3))
+    origins = 3.0 + 3.0 * rng.normal(size=(4096, 3))
+    directions = 3.0 + rng.normal(size=(4096, 3)) - origins
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    found, _ = traced(positions, triangles, origins, directions)
+    for met in found:
+        rays = np.flatnonzero(met >= 0)
+        assert len(rays) > 2000
+        a, b, c = (positions[triangles[met[rays], k]].astype(float) for k in range(3))
+        assert ((np.cross(b - a, c - a) * directions[rays]).sum(1) < 0).all()
+
+
 def test_a_packet_passes_through_holes():
     positions = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, -1], [1, 0, -1], [0, 1, -1]], np.float32)
     triangles = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6]], np.int32)

@@ -15,6 +15,7 @@ from luxel.arrays import Array
 from luxel.radiosity.element import AREA, GX, GZ, LIFT, NX, NZ, PX, PZ, UX, UZ, VX, VZ, find_free
 from luxel.radiosity.labour import Labour
 from luxel.radiosity.luxels import Luxels
+from luxel.radiosity.nearest import backed
 from luxel.radiosity.occlusion import Masks, Occlusion, prepare
 from luxel.radiosity.patches import Tree, build_tree, connected
 from luxel.radiosity.quality import Quality
@@ -87,12 +88,13 @@ class Cut(NamedTuple):
     back: Array
 
 
-def occluders_of(geometry: Geometry, two_sided: Array, masks: Masks | None = None) -> Occluders:
+def occluders_of(geometry: Geometry, two_sided: Array, masks: Masks | None, rays: Occlusion, labour: Labour) -> Occluders:
     """What hides: all triangles but those that are blended.
 
     Args:
         two_sided: (m,) bool, of each triangle.
         masks: Of `scene_masks`.
+        rays: All that hides.
     """
     positions = geometry.positions.astype(np.float64)
     mode = np.repeat(geometry.parts.alpha_mode, np.diff(geometry.part_start))
@@ -104,8 +106,11 @@ def occluders_of(geometry: Geometry, two_sided: Array, masks: Masks | None = Non
         normal = np.nan_to_num(normal / np.linalg.norm(normal, axis=1)[:, None])
     planes = np.concatenate([normal, (normal * a).sum(1)[:, None]], 1).astype(np.float32)
     holed = np.where((finite & (mode == MASK))[:, None], geometry.triangles, 0)  # a triangle of one corner thrice hides nothing
+    sides = two_sided[finite & (mode == OPAQUE)]
+    one = np.flatnonzero(~sides)
+    sides[one] = labour.each(len(one), lambda some: backed(rays, positions, whole[one[some]], normal[one[some]], labour.threads))
     return Occluders(
-        np.ascontiguousarray(np.nan_to_num(geometry.positions).T), np.ascontiguousarray(whole), planes, two_sided[finite & (mode == OPAQUE)],
+        np.ascontiguousarray(np.nan_to_num(geometry.positions).T), np.ascontiguousarray(whole), planes, sides,
         prepare(geometry.positions, holed, masks),
     )  # fmt: skip
 
@@ -145,8 +150,8 @@ def cut(luxels: Luxels, sides: tuple[Array, Array], geometry: Geometry, charts: 
     span = geometry.positions[np.isfinite(geometry.positions).all(1)]
     near = _NEAR * float(np.linalg.norm(np.ptp(span, axis=0)))
     problem = Problem(
-        elements, own, albedo, patches, lights, exitance, point_luxel, occluders_of(geometry, two_sided, masks), near,
-        Visibility(rays, quality.rays, quality.exact),
+        elements, own, albedo, patches, lights, exitance, point_luxel, occluders_of(geometry, two_sided, masks, rays, labour),
+        near, Visibility(rays, quality.rays, quality.exact),
     )  # fmt: skip
     return Cut(problem, luxel[tree.order], tree.order >= len(fronts))
 

@@ -1,15 +1,25 @@
-"""Nearest: the first triangle a ray meets, and from which side: for statistics, where a ray lost in a crack between triangles is no harm."""
+"""Nearest: the first triangle a ray meets, and from which side: for statistics, where a ray lost in a crack between triangles is no harm.
+
+Of two back to back in one place it is the one that faces the ray, as in `luxel.radiosity.packet`.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from luxel import jit
+from luxel.arrays import Array
+from luxel.radiosity.occlusion import Occlusion
+
+_CHUNK = 256
+_SPOTS = ((0.56, 0.25, 0.19), (0.19, 0.56, 0.25), (0.25, 0.19, 0.56))  # weights of a triangle's corners; not on where others are often cut
+_BEHIND = 4.0  # times `Occlusion.epsilon`: from where a triangle's back is asked
 
 
 @jit.part
 def _meets(c, ox, oy, oz, dx, dy, dz, epsilon):
-    """Where on the segment from o by d the triangle of row `c` of `Occlusion.corners` is, 0..1, or 2; and the product of d and its normal."""
+    """Where on the segment from o by d the triangle of row `c` of `Occlusion.corners` is, 0..1, or 2, its back a little
+    farther; and the product of d and its normal."""
     nx, ny, nz = np.float64(c[9]), np.float64(c[10]), np.float64(c[11])
     slope = nx * dx + ny * dy + nz * dz
     ax, ay, az = c[0] - ox, c[1] - oy, c[2] - oz
@@ -25,7 +35,9 @@ def _meets(c, ox, oy, oz, dx, dy, dz, epsilon):
     pu, pv = px * ux + py * uy + pz * uz, px * vx + py * vy + pz * vz
     whole = uu * vv - uv * uv
     s, t = pu * vv - pv * uv, pv * uu - pu * uv
-    return at if s >= 0.0 and t >= 0.0 and s + t <= whole else 2.0, slope
+    if not (s >= 0.0 and t >= 0.0 and s + t <= whole):
+        return 2.0, slope
+    return (height + epsilon) / slope if slope > 0.0 else at, slope
 
 
 @jit.device
@@ -55,3 +67,37 @@ def nearest(scene, ox, oy, oz, dx, dy, dz):
                 found, side, reach = np.int64(scene.triangle[item]), slope, at
         node += np.uint64(1)
     return found, side, reach
+
+
+@jit.part
+def _is_backed(scene, a, b, c, spot, away):
+    """Whether a ray to the back of the triangle at a point of it, from `away` (3,) metres behind, meets a front."""
+    w0, w1, w2 = _SPOTS[spot]
+    x, y, z = w0 * a[0] + w1 * b[0] + w2 * c[0], w0 * a[1] + w1 * b[1] + w2 * c[1], w0 * a[2] + w1 * b[2] + w2 * c[2]
+    met, side, _ = nearest(scene, x - away[0], y - away[1], z - away[2], 2.0 * away[0], 2.0 * away[1], 2.0 * away[2])
+    return met >= 0 and side < 0.0
+
+
+@jit.parallel_kernel
+def _find_backed(queue, scene, positions, triangles, normals, result):
+    scene, positions, triangles, normals = jit.borrow(scene), jit.borrow(positions), jit.borrow(triangles), jit.borrow(normals)
+    chunk = jit.take(queue)
+    while chunk * _CHUNK < len(triangles):
+        for t in range(chunk * _CHUNK, min(len(triangles), (chunk + 1) * _CHUNK)):
+            a, b, c = positions[triangles[t, 0]], positions[triangles[t, 1]], positions[triangles[t, 2]]
+            first, second = _is_backed(scene, a, b, c, 0, normals[t]), _is_backed(scene, a, b, c, 1, normals[t])
+            result[t] = _is_backed(scene, a, b, c, 2, normals[t]) if first != second else first
+        chunk = jit.take(queue)
+
+
+def backed(scene: Occlusion, positions: Array, triangles: Array, normals: Array, threads: int) -> Array:
+    """(m,) bool: which triangles have, in the same place, others that face the other way: at two of three points of each.
+
+    Args:
+        positions: (n, 3) float64, metres.
+        triangles: (m, 3) int32.
+        normals: (m, 3) float64, unit length.
+    """
+    result = np.zeros(len(triangles), np.bool_)
+    jit.run(_find_backed, threads, scene, positions, triangles, _BEHIND * scene.epsilon[0] * normals, result)
+    return result

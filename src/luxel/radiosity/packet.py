@@ -3,6 +3,9 @@
 Each node of the hierarchy is fetched once for all of them, and what is done with it is plain loops over the rays, which the compiler turns into
 vector instructions (Wald, Slusallek, Benthin, Wagner, "Interactive rendering with coherent ray tracing", 2001). Single precision: a ray lost
 or gained in a crack is no harm in a mean of many.
+
+A back counts as deeper than it is by what rounding can amount to. So where two faces lie back to back in one place, as those of a wall without
+thickness do, a ray meets the one that faces it, in whatever order it comes to them.
 """
 
 from __future__ import annotations
@@ -46,7 +49,7 @@ def _touched(box, node, c):
 
 @jit.inlined
 def _meet(corners, item, epsilon, c):
-    """Let the rays meet a triangle: _NEW is how far along it is, 0 if it is not; returns whether any does."""
+    """Let the rays meet a triangle: _NEW is how far along it is, a little more if that is its back, 0 if it is not met; returns whether any does."""
     x0, y0, z0 = corners[item, 0], corners[item, 1], corners[item, 2]
     ux, uy, uz = corners[item, 3] - x0, corners[item, 4] - y0, corners[item, 5] - z0
     vx, vy, vz = corners[item, 6] - x0, corners[item, 7] - y0, corners[item, 8] - z0
@@ -60,11 +63,12 @@ def _meet(corners, item, epsilon, c):
         dx, dy, dz = c[DX + r], c[DY + r], c[DZ + r]
         height, slope = nx * ax + ny * ay + nz * az, nx * dx + ny * dy + nz * dz
         at = height / slope
+        deep = (height + (epsilon if slope > _F(0.0) else _F(0.0))) / slope
         px, py, pz = dx * at - ax, dy * at - ay, dz * at - az
         pu, pv = px * ux + py * uy + pz * uz, px * vx + py * vy + pz * vz
         s, t = pu * vv - pv * uv, pv * uu - pu * uv
-        meets = (abs(height) > epsilon) & (at > _F(0.0)) & (at < c[AT + r]) & (s >= edge) & (t >= edge) & (s + t <= whole - edge)
-        c[_NEW + r] = at if meets else _F(0.0)
+        meets = (abs(height) > epsilon) & (at > _F(0.0)) & (deep < c[AT + r]) & (s >= edge) & (t >= edge) & (s + t <= whole - edge)
+        c[_NEW + r] = deep if meets else _F(0.0)
         count = _I(count + (_I(1) if meets else _I(0)))
     return count > _I(0)
 

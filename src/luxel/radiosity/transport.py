@@ -54,7 +54,7 @@ class Occluders(NamedTuple):
         positions: (3, v) float32.
         triangles: (m, 3) int32.
         planes: (m, 4) float32: unit normal n and offset d of each triangle, in front where n.x > d.
-        two_sided: (m,) bool.
+        two_sided: (m,) bool: it has two sides, or there is another back to back with it in the same place.
         masked: Alpha-masked triangles, which are not drawn but asked ray by ray, as their holes are finer than a hemicube's pixels.
     """
 
