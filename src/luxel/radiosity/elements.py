@@ -1,18 +1,21 @@
 """Elements: what the solver works on, made from a scene's luxels.
 
 A luxel of a two-sided surface is two elements, back to back; any other is one. What emits is cut finer, until each light has enough points to
-be seen as a surface and not as a few dots.
+be seen as a surface and not as a few dots, and by its geometry where that is finer than luxels (`facets`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from luxel.arrays import Array
 from luxel.radiosity.element import AREA, GX, GZ, LIFT, NX, NZ, PX, PZ, UX, UZ, VX, VZ, find_free
+from luxel.radiosity.facets import Facets, facets_of, without
+from luxel.radiosity.inside import free_places, seen_backs
 from luxel.radiosity.labour import Labour
 from luxel.radiosity.luxels import Luxels
 from luxel.radiosity.nearest import backed
@@ -30,6 +33,7 @@ if TYPE_CHECKING:
 
 _NEAR = 2e-5  # of the scene's diagonal
 _STEPS = np.array([0.6180339887498949, 0.7548776662466927, 0.5698402909980532])  # 1 / x, x^2 = x + 1; 1 / x and its square, x^3 = x + 1
+_MOST_BACKS = 0.5  # a facet that sees more of them is inside a solid, as luxels are
 _MOST_CUTS = 32  # sub-points along a side of a luxel that emits
 
 
@@ -141,17 +145,20 @@ def cut(luxels: Luxels, sides: tuple[Array, Array], geometry: Geometry, charts: 
     mine = labour.mine(len(luxel))
     own = elements if isinstance(mine, slice) else elements_of(np.ascontiguousarray(elements.numbers[:, mine]))
     albedo = np.ascontiguousarray(luxels.albedo[luxel][tree.order].T)
-    shining = np.flatnonzero(luxels.emission[fronts].sum(1) > 0)
-    lights, exitance, point_luxel = None, np.zeros((0, 3), np.float32), np.zeros(0, np.int32)
-    if len(shining):
-        lights, origin = shining_source(numbers[:, shining], quality.light_points, quality.light_resolution, rays, labour)
-        point_luxel = fronts[shining[origin]]
-        exitance = luxels.emission[point_luxel].astype(np.float32)
     span = geometry.positions[np.isfinite(geometry.positions).all(1)]
-    near = _NEAR * float(np.linalg.norm(np.ptp(span, axis=0)))
+    diagonal = float(np.linalg.norm(np.ptp(span, axis=0)))
+    shining = np.flatnonzero(luxels.emission[fronts].sum(1) > 0)
+    lights, point_luxel = None, np.zeros(0, np.int32)
+    if len(shining):
+        facets = facets_of(luxels, fronts[shining], geometry, charts, quality.light_points, labour.threads)
+        facets = _outside(facets, luxels.two_sided[fronts[shining]], two_sided, 2.0 * diagonal, rays, labour)
+        lamps = numbers[:, shining[~facets.bent]], facets.numbers
+        lights, origin = shining_source(lamps, quality.light_points, quality.light_resolution, rays, labour)
+        point_luxel = fronts[shining[np.append(np.flatnonzero(~facets.bent), facets.luxel)[origin]]]
+    exitance = luxels.emission[point_luxel].astype(np.float32)
     problem = Problem(
-        elements, own, albedo, patches, lights, exitance, point_luxel, occluders_of(geometry, two_sided, masks, rays, labour),
-        near, Visibility(rays, quality.rays, quality.exact),
+        elements, own, albedo, patches, lights, exitance, point_luxel, occluders_of(geometry, two_sided, masks, rays, labour), _NEAR * diagonal,
+        Visibility(rays, quality.rays, quality.exact),
     )  # fmt: skip
     return Cut(problem, luxel[tree.order], tree.order >= len(fronts))
 
@@ -168,12 +175,42 @@ def _visible(rays: Occlusion, a: Array, b: Array, labour: Labour) -> Array:
     return labour.each(len(a), lambda some: visible(rays, a[some], b[some], labour.threads))
 
 
-def shining_source(numbers: Array, points: int, resolution: int, rays: Occlusion, labour: Labour) -> tuple[Source, Array]:
-    """Elements that shine, (17, m) numbers, as a source of about so many patches, each of which shoots from a point of it; and which of the elements
-    each element of the source is a part of, (k,) int64."""
-    side = float(np.sqrt(numbers[AREA].sum() / points))  # of a point's patch
-    cuts = int(np.clip(np.ceil(2 * np.sqrt(numbers[AREA].mean()) / side), 1, _MOST_CUTS))
-    fine, whole = _points(numbers, cuts, rays, labour)
+def _outside(facets: Facets, sided: Array, two_sided: Array, reach: float, rays: Occlusion, labour: Labour) -> Facets:
+    """Facets without what of them is inside solids, as luxels are moved out of them; `sided` (k,) bool: luxels that have two sides."""
+    numbers = facets.numbers
+
+    def backs(some: Any) -> Array:
+        place, normal = (np.ascontiguousarray(numbers[row : row + 3, asked[some]].T) for row in (PX, GX))
+        return seen_backs(rays, two_sided, place, normal, reach, labour.threads)
+
+    def free(some: Any) -> Array:
+        place, normal, u, v = (np.ascontiguousarray(numbers[row : row + 3, hidden[some]].T) for row in (PX, GX, UX, VX))
+        place, share = free_places(rays, two_sided, place, normal, u, v, reach, labour.threads)
+        return np.concatenate([place.T, share[None]])
+
+    asked = np.flatnonzero(~sided[facets.luxel])
+    hidden = asked[labour.each(len(asked), backs) > _MOST_BACKS] if len(asked) else asked
+    if not len(hidden):
+        return facets
+    found = labour.each(len(hidden), free)
+    numbers[PX : PZ + 1, hidden] = found[:3]
+    numbers[AREA, hidden] *= found[3]
+    numbers[UX : VZ + 1, hidden] *= np.sqrt(found[3])
+    return without(facets, hidden[found[3] == 0])
+
+
+def shining_source(kinds: Sequence[Array], points: int, resolution: int, rays: Occlusion, labour: Labour) -> tuple[Source, Array]:
+    """Elements that shine, (17, m) numbers of each kind, as a source of about so many patches, each of which shoots from a point of it; and which of
+    the elements, counted over all kinds, each element of the source is a part of, (k,) int64. Those of a kind are cut alike."""
+    side = float(np.sqrt(sum(numbers[AREA].sum() for numbers in kinds) / points))  # of a point's patch
+    cut_up, before = [], 0
+    for numbers in kinds:
+        if numbers.shape[1]:
+            cuts = int(np.clip(np.ceil(2 * np.sqrt(numbers[AREA].mean()) / side), 1, _MOST_CUTS))
+            fine, whole = _points(numbers, cuts, rays, labour)
+            cut_up.append((fine, whole + before))
+        before += numbers.shape[1]
+    fine, whole = (np.concatenate(parts, -1) for parts in zip(*cut_up, strict=True))
     extent = np.full(fine.shape[1], side, np.float32)
     tree = build_tree(np.ascontiguousarray(fine[PX : PZ + 1].T), np.ascontiguousarray(fine[GX : GZ + 1].T), fine[AREA], extent)
     ordered = _in_tree_order(tree, fine)

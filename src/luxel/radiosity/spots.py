@@ -79,7 +79,7 @@ def find_spots(problem: Problem, sight: Sight, direct: Array, quality: Quality, 
     element = _found(problem, sight, direct, labour)
     if not len(element):
         return None
-    source, origin = shining_source(numbers[:, element], points, quality.light_resolution, problem.rays.scene, labour)
+    source, origin = shining_source([numbers[:, element]], points, quality.light_resolution, problem.rays.scene, labour)
     count = len(source.tree.patches)
     rows = complete(problem, source, Rows(count, problem.own.numbers.shape[1], count, labour.empty), labour)
     return Spots(element[origin].astype(np.int32), source.numbers[AREA], patch_starts(source.tree), rows.rows, rows.touched)
