@@ -32,8 +32,9 @@ def sky_light(n, _, given):
 @jit.kernel
 def closer_light(n, _, given):
     local, c, stack = np.empty(3, np.float32), np.empty(_SCRATCH, np.float32), np.empty(_STACK, np.int32)
+    sums = np.empty((1, 8), np.float32)
     for i in range(n):
-        _closer_light(i, *given, local, c, stack)
+        _closer_light(i, *given, local, sums, c, stack)
 
 
 @jit.kernel

@@ -71,8 +71,9 @@ def closer_light(n, _, given):
     """`threads.look.closer_light`."""
     i, _ = cuda.grid(2)
     local, c, stack = cuda.local.array(3, np.float32), cuda.local.array(_SCRATCH, np.float32), cuda.local.array(_STACK, np.int32)
+    sums = cuda.local.array((1, 8), np.float32)
     if i < n:
-        _closer_light(i, *given, local, c, stack)
+        _closer_light(i, *given, local, sums, c, stack)
 
 
 @kernel

@@ -20,7 +20,7 @@ from luxel.radiosity.directions import on_hemisphere
 from luxel.radiosity.element import FREE, free_sample
 from luxel.radiosity.gather import LOST, View, met_by, padded, sample_of, start_ray
 from luxel.radiosity.packet import WIDTH
-from luxel.radiosity.sky import TOGETHER, cells, rays_to_nowhere
+from luxel.radiosity.sky import TOGETHER, cells
 
 _F = np.float32
 _SIDE = 2  # parts along a side of a cell
@@ -54,29 +54,17 @@ def find_unlike(hits, light, cell, first, last, unlike, least, most, again):
 
 
 @jit.part
-def _add_parts(rays, i, scene, numbers, lookup, light, c, stack, total):
-    """`total` (red, green, blue, rays that tell) and what the first `rays` of a packet of element `i` bring."""
-    rays_to_nowhere(rays, c)
-    packet.meet_all(scene, c, stack)
-    red, green, blue, known = total
-    for r in range(np.uint64(rays)):
-        e = met_by(r, i, scene, numbers, lookup, c)
-        if e != LOST:
-            k = np.uint64(e + 3)
-            red, green, blue, known = red + light[k, 0], green + light[k, 1], blue + light[k, 2], known + _F(1.0)
-    return red, green, blue, known
+def look_closer(first, last, hits, cell, again, scene, numbers, frames, reach, lookup, light, local, sums, c, stack, result):
+    """result[:, i]: the mean light (red, green, blue) W/m2 over all cells, of neighbouring elements first .. last - 1, at most a packet.
 
-
-@jit.part
-def look_closer(i, hits, cell, again, scene, numbers, frame, reach, lookup, light, local, c, stack):
-    """The mean light (red, green, blue) W/m2 over all cells of element `i`; `local` (3,) float32 is scratch.
-
-    Cells seen by one ray are summed apart from what closer rays bring, `close` (red, green, blue, rays that tell).
+    `local` (3,) and `sums` (WIDTH, 8) float32 are scratch: cells seen by one ray (red, green, blue, rays that tell) are summed apart from what closer
+    rays bring.
     """
     wide, high = again.shape
-    free = np.int64(numbers[FREE, i])
-    red = green = blue = known = _F(0.0)
-    close, rays, parts = (_F(0.0), _F(0.0), _F(0.0), _F(0.0)), 0, 0
+    count, parts = last - first, 0
+    for r in range(count):
+        for channel in range(8):
+            sums[r, channel] = _F(0.0)
     for k in range(len(cell)):
         a, b = cell[k, 0], cell[k, 1]
         if again[a, b]:
@@ -84,37 +72,50 @@ def look_closer(i, hits, cell, again, scene, numbers, frame, reach, lookup, ligh
                 local[0], local[1], local[2] = on_hemisphere(
                     (a + (part % _SIDE + 0.5) / _SIDE) / wide, (b + (part // _SIDE + 0.5) / _SIDE) / high
                 )
-                start_ray(numbers, frame, local, i, free_sample(free, sample_of(parts)), reach, np.uint64(rays), c)
-                rays, parts = rays + 1, parts + 1
-                if rays == WIDTH:
-                    close, rays = _add_parts(rays, i, scene, numbers, lookup, light, c, stack, close), 0
-        elif hits[i, k] != LOST:
-            e = np.uint64(hits[i, k] + 3)
-            red, green, blue, known = red + light[e, 0], green + light[e, 1], blue + light[e, 2], known + _F(1.0)
-    if rays > 0:
-        close = _add_parts(rays, i, scene, numbers, lookup, light, c, stack, close)
-    one = _F(1.0 / _PARTS)  # of a cell: so much does one of its rays count beside a cell that is not looked at closer
-    share = _F(1.0) / max(known + close[3] * one, _FEW * _F(len(cell)))
-    return (red + close[0] * one) * share, (green + close[1] * one) * share, (blue + close[2] * one) * share
+                for r in range(np.uint64(WIDTH)):
+                    i = first + min(np.int64(r), count - 1)  # the last packet is filled up with its last element's rays
+                    start_ray(numbers, frames[i], local, i, free_sample(np.int64(numbers[FREE, i]), sample_of(parts)), reach, r, c)
+                packet.meet_all(scene, c, stack)
+                for r in range(np.uint64(count)):
+                    _add(sums, r, 4, met_by(r, first + np.int64(r), scene, numbers, lookup, c), light)
+                parts += 1
+        else:
+            for r in range(np.uint64(count)):
+                _add(sums, r, 0, hits[first + np.int64(r), k], light)
+    one, least = _F(1.0 / _PARTS), _FEW * _F(len(cell))  # of a cell: so much does one of its rays count beside a cell that is not looked at closer
+    for r in range(count):
+        share = _F(1.0) / max(sums[r, 3] + sums[r, 7] * one, least)
+        for channel in range(3):
+            result[channel, first + r] = (sums[r, channel] + sums[r, 4 + channel] * one) * share
+
+
+@jit.inlined
+def _add(sums, r, column, e, light):
+    """Add what a ray brings that has met `e` to sums[r, column .. column + 3]."""
+    if e != LOST:
+        k = np.uint64(e + 3)
+        sums[r, column] += light[k, 0]
+        sums[r, column + 1] += light[k, 1]
+        sums[r, column + 2] += light[k, 2]
+        sums[r, column + 3] += _F(1.0)
 
 
 @jit.parallel_kernel
 def _look_closer(queue, scene, numbers, frames, reach, lookup, hits, light, cell, wide, high, unlike, begin, end, result):
     own_c, own_stack, own_local = np.zeros(packet.SCRATCH, np.float32), np.zeros(packet.STACK, np.int32), np.zeros(3, np.float32)
     own_least, own_most, own_again = np.zeros((wide, high), np.float32), np.zeros((wide, high), np.float32), np.zeros((wide, high), np.bool_)
+    own_sums = np.zeros((WIDTH, 8), np.float32)
     c, stack, local, least, most = jit.borrow(own_c), jit.borrow(own_stack), jit.borrow(own_local), jit.borrow(own_least), jit.borrow(own_most)
     again, scene, numbers, frames, lookup = jit.borrow(own_again), jit.borrow(scene), jit.borrow(numbers), jit.borrow(frames), jit.borrow(lookup)
-    hits, light, cell, result = jit.borrow(hits), jit.borrow(light), jit.borrow(cell), jit.borrow(result)
+    hits, light, cell, result, sums = jit.borrow(hits), jit.borrow(light), jit.borrow(cell), jit.borrow(result), jit.borrow(own_sums)
     chunk = jit.take(queue)
     while begin + chunk * TOGETHER < end:
         first = begin + chunk * TOGETHER
         last = min(end, first + TOGETHER)
         find_unlike(hits, light, cell, first, last, unlike, least, most, again)
-        for i in range(first, last):
-            red, green, blue = look_closer(i, hits, cell, again, scene, numbers, frames[i], reach, lookup, light, local, c, stack)
-            result[0, i], result[1, i], result[2, i] = red, green, blue
+        look_closer(first, last, hits, cell, again, scene, numbers, frames, reach, lookup, light, local, sums, c, stack, result)
         chunk = jit.take(queue)
-    own_c[0] = own_stack[0] + own_local[0] + own_least[0, 0] + own_most[0, 0] + own_again[0, 0]  # they live until here
+    own_c[0] = own_stack[0] + own_local[0] + own_least[0, 0] + own_most[0, 0] + own_again[0, 0] + own_sums[0, 0]  # they live until here
 
 
 def gather_closer(view: View, hits: Array, light: Array, unlike: float, threads: int, told: Callable[[float], None]) -> Array:

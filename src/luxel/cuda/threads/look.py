@@ -134,12 +134,11 @@ def find_again(g, hits, closer):
 
 
 @part
-def closer_light(k, first, eyes, hits, closer, result, local, c, stack):
-    """result[:, i]: the light of other surfaces on element i = first + k, W/m2. `local` (3,) float32 is scratch."""
+def closer_light(k, first, eyes, hits, closer, result, local, sums, c, stack):
+    """result[:, i]: the light of other surfaces on element i = first + k, W/m2. `local` (3,) and `sums` (1, 8) float32 are scratch."""
     i = first + k
-    again, s, frame = closer.again[i // TOGETHER], eyes.scene, eyes.frames[i]
-    red, green, blue = look_closer(i, hits, closer.cell, again, s, eyes.numbers, frame, eyes.reach, eyes.lookup, closer.light, local, c, stack)
-    result[0, i], result[1, i], result[2, i] = red, green, blue
+    again, numbers, frames = closer.again[i // TOGETHER], eyes.numbers, eyes.frames
+    look_closer(i, i + 1, hits, closer.cell, again, eyes.scene, numbers, frames, eyes.reach, eyes.lookup, closer.light, local, sums, c, stack, result)
 
 
 @part
