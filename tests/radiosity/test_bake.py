@@ -425,3 +425,43 @@ def test_no_light_passes_below_a_wall_without_thickness(lamp, quality):
     assert baked.irradiance[before].min() > 0.5
     assert not baked.direct[behind].any()
     assert baked.irradiance[behind].max() < 2e-3 * baked.irradiance[before].min()  # what is left unshot is spread evenly
+
+
+def test_a_solid_that_is_inside_out_under_a_sky_is_said():
+    """Its fronts are inside, where no light comes."""
+    shape, scene = sphere(1.0), Scene()
+    scene.add(Mesh(shape.positions, np.ascontiguousarray(shape.triangles[:, ::-1]), -shape.normals), matte(0.5))
+    with pytest.warns(LuxelWarning, match=r"surfaces see 0\.0.% of the sky, .* normals inverted"):
+        bake(scene, density=6, quality="draft", sky=1.0)
+
+
+def test_a_scene_too_far_from_the_origin_for_single_precision_is_said():
+    def at(metres):
+        scene = box(matte(0.5, GLOW))
+        for instance in scene.instances:
+            instance.world_from_mesh = np.array([[1, 0, 0, metres], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
+        return bake(scene, density=10, quality="draft")
+
+    np.testing.assert_allclose(mean(at(1e3)), 2.0, rtol=5e-3)  # without a word
+    with pytest.warns(LuxelWarning, match=r"reaches 1e\+05 m from the origin, where numbers are 0\.008 m apart and luxels 0\.1 m wide"):
+        at(1e5)
+
+
+def test_the_ledger_has_a_line_even_if_nothing_is_sent_on():
+    scene = box(matte(0.5))
+    for material in scene.materials:
+        material.base_color = (0.0, 0.0, 0.0, 1.0)
+    scene.lights.append(Light("point", intensity=1.0, world_from_light=look_at((0.5, 0.5, 0.5), (0, 0, 0), (0, 1, 0))))
+    with pytest.warns(LuxelWarning, match="black or metal"):
+        baked = bake(scene, density=8, quality="draft")
+    last = baked.ledger[-1]
+    assert last.unshot_fraction == 0
+    np.testing.assert_allclose(last.absorbed, last.emitted, rtol=1e-6)
+    assert last.emitted.min() > 0
+
+
+def test_a_lamp_that_shines_nowhere_is_named():
+    scene = box(matte(0.5))
+    scene.lights.append(Light("spot", intensity=1.0, world_from_light=np.diag([0.0, 0, 0, 1]), name="broken"))
+    with pytest.raises(InputError, match=r"light 0 \('broken'\): expected a direction"):
+        bake(scene, density=4)

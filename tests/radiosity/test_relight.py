@@ -1,3 +1,4 @@
+import itertools
 import math
 
 import numpy as np
@@ -72,6 +73,14 @@ def test_it_is_the_same_for_any_number_of_threads_and_from_a_file(baked, tmp_pat
     baked.transport.save(path)
     kept = Transport.load(path)
     assert baked.transport.solve(threads=1).tobytes() == kept.solve(threads=2).tobytes()
+
+
+@pytest.mark.parametrize(("name", "wrong"), [
+    *itertools.product(["still"], [-1.0, math.nan, math.inf]), *itertools.product(["tolerance"], [0.0, -1.0, math.nan]),
+])  # fmt: skip
+def test_wrong_numbers_are_named(baked, name, wrong):
+    with pytest.raises(InputError, match=f"{name}: expected"):
+        baked.transport.solve(**{name: wrong})
 
 
 def test_wrong_values_and_files_are_named(baked, tmp_path):

@@ -13,6 +13,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from luxel import jit
 from luxel.arrays import Array
 from luxel.clock import Clock
@@ -35,6 +37,9 @@ if TYPE_CHECKING:
 
 _MUCH_LOST = 0.98
 """A share of escaped light that is worth a word."""
+
+_HARDLY = 0.005
+"""A share of the sky's light that is hardly any: a word is due."""
 
 _SAVE_EVERY = 30.0  # seconds
 
@@ -137,6 +142,7 @@ def bake(scene: Any, *, quality: str | Quality = "normal", density: float | None
     clock.lap("solve")
     if leads:
         _tell_of_loss(lighting.state)
+        _tell_of_dark(lighting)
     received = lighting.settled() if finished else lighting.so_far()
     if finished and lighting.bounces_once_more:
         received = lighting.last_bounce(received)
@@ -195,6 +201,15 @@ def _tell_of_loss(state: State) -> None:
     if state.escaped.sum() > _MUCH_LOST * state.emitted.sum():
         share = f"{state.escaped.sum() / state.emitted.sum():.0%} of the light meets nothing, or backs of surfaces"
         warnings.warn(f"{share}: is the scene open, or are normals inverted?", LuxelWarning, stacklevel=3)
+
+
+def _tell_of_dark(lighting: Lighting) -> None:
+    """Warn if there is a sky and hardly any of its light comes in."""
+    if lighting.lamps.sky is not None:
+        share = float(lighting.sky.mean(dtype=np.float64) / (np.pi * lighting.lamps.sky.mean))
+        if share < _HARDLY:
+            word = f"surfaces see {share:.2%} of the sky, on the average"
+            warnings.warn(f"{word}: is the scene closed, or are normals inverted?", LuxelWarning, stacklevel=3)
 
 
 def _shoot_all(lighting: Lighting, deadline: float | None, keep: tuple[Path, str] | None) -> bool:

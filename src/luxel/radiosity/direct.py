@@ -33,7 +33,7 @@ def light_table(lights: Sequence[Light]) -> Array:
     for row, light in zip(table, lights, strict=True):
         matrix = light.world_from_light
         assert matrix is not None
-        row[_X : _Z + 1], row[_DX : _DZ + 1] = matrix[:3, 3], -matrix[:3, 2] / np.linalg.norm(matrix[:3, 2])
+        row[_X : _Z + 1], row[_DX : _DZ + 1] = matrix[:3, 3], -matrix[:3, 2] / (np.linalg.norm(matrix[:3, 2]) or 1.0)
         row[_RED : _BLUE + 1] = np.multiply(light.color, light.intensity)
         row[_FAR], row[_RANGE] = light.kind == "directional", light.range
         spot = light.kind == "spot"

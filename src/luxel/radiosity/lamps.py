@@ -33,8 +33,9 @@ def lamps_of(scene: Scene, sky: Any) -> Lamps:
         DarkError: Neither lamps, materials nor the sky shine.
         InputError: The sky is nothing of these, or a lamp or a material takes light away.
     """
-    table, radiance = light_table(scene.lights), _radiance(sky)
-    _check_not_below_nothing(scene)
+    radiance = _radiance(sky)
+    _check_lamps(scene)
+    table = light_table(scene.lights)
     if not radiance.any():
         if not len(table) and not any(max(scene.materials[mesh.material].emissive) > 0 for mesh in scene.meshes if mesh.material >= 0):
             raise DarkError("bake: nothing shines: expected an emissive material, a light or a sky")
@@ -44,8 +45,8 @@ def lamps_of(scene: Scene, sky: Any) -> Lamps:
     return Lamps(np.concatenate([table, suns]), len(table), even)
 
 
-def _check_not_below_nothing(scene: Scene) -> None:
-    """Refuse lamps and materials that would take light away."""
+def _check_lamps(scene: Scene) -> None:
+    """Refuse lamps and materials that would take light away, and lamps that shine nowhere."""
     for number in sorted({mesh.material for mesh in scene.meshes if mesh.material >= 0}):
         material = scene.materials[number]
         if min(material.emissive) < 0:
@@ -54,6 +55,8 @@ def _check_not_below_nothing(scene: Scene) -> None:
         if min(channel * light.intensity for channel in light.color) < 0:
             what = f"intensity {light.intensity:g}, color {tuple(light.color)}"
             raise InputError(f"bake: {_named('light', number, light.name)}: expected an intensity and a color of at least 0, got {what}")
+        if light.kind != "point" and light.world_from_light is not None and not np.linalg.norm(light.world_from_light[:3, 2]) > 0:
+            raise InputError(f"bake: {_named('light', number, light.name)}: expected a direction, its transform has none")
 
 
 def _named(kind: str, number: int, name: str) -> str:

@@ -23,7 +23,7 @@ from luxel.radiosity.luxels import part_of
 from luxel.radiosity.prepare import Prepared
 from luxel.radiosity.quality import Quality
 from luxel.radiosity.relight import Transport, transport_of
-from luxel.radiosity.solve import Rows, Source, State, ambient, complete, element_steps, light_steps, patch_steps, settled, start
+from luxel.radiosity.solve import Rows, Source, State, ambient, complete, element_steps, light_steps, note_end, patch_steps, settled, start
 from luxel.radiosity.spots import find_spots
 from luxel.scene.scene import Scene
 
@@ -155,6 +155,7 @@ class Lighting:
             yield from element_steps(problem, state, lambda: self.spotted, tolerance, self.labour)
         else:
             yield from patch_steps(problem, state, self._room(problem.patches, self.rows[0]), tolerance, self.labour)
+        yield from note_end(problem, state)
 
     def so_far(self) -> Array:
         """(3, n) float32 W/m2: the irradiance of a bake that is cut short; what is unshot is spread evenly."""

@@ -38,6 +38,9 @@ _MOST_BACKS = 0.5
 _FEW_VALID = 0.5
 """A share of valid luxels that is worth a word."""
 
+_FINEST = 0.02
+"""Of a luxel's side: what positions may be rounded by."""
+
 _LAYING = "laying out the lightmap"
 
 
@@ -120,6 +123,8 @@ def prepare(atlas: Atlas, settings: Quality, check: Callable[[float, int], None]
     rays = obstacles(geometry, masks)
     finite = geometry.positions[np.isfinite(geometry.positions).all(1)]
     reach = 2.0 * float(np.linalg.norm(np.ptp(finite, axis=0)))
+    if labour.team.leads:
+        _tell_of_distance(finite, luxels)
     sides = frames_of_texels(atlas, geometry, luxels)
     tell(0.0, "finding luxels in solids")
     valid = _move_out(luxels, sides, rays, two_sided, reach, labour)
@@ -131,6 +136,15 @@ def prepare(atlas: Atlas, settings: Quality, check: Callable[[float, int], None]
     pieces = cut(luxels, sides, geometry, atlas.chart, valid, two_sided, masks, rays, settings, labour)
     clock.lap("patches")
     return Prepared(atlas, luxels, geometry, valid, pieces, rays, two_sided, reach)
+
+
+def _tell_of_distance(positions: Array, luxels: Luxels) -> None:
+    """Warn if a scene is so far from the origin that single precision cannot tell apart what is near each other there."""
+    far, side = np.abs(positions).max(), np.sqrt(np.median(luxels.area))
+    step = np.spacing(np.float32(far))
+    if step > _FINEST * side:
+        word = f"the scene reaches {far:.3g} m from the origin, where numbers are {step:.1g} m apart and luxels {side:.1g} m wide"
+        warnings.warn(f"{word}: light is lost; move it to the origin", LuxelWarning, stacklevel=4)
 
 
 def _move_out(luxels: Luxels, sides: tuple[Array, Array], rays: Occlusion, two_sided: Array, reach: float, labour: Labour) -> Array:

@@ -98,6 +98,10 @@ class Transport:
             InputError: A shape is wrong, or a value negative, not finite, or an albedo of 1 or more.
             DeviceError, ExtraMissingError: Device "cuda", and no GPU can be used.
         """
+        if not 0 <= still < np.inf:
+            raise InputError(f"still: expected a finite factor of at least 0, got {still!r}")
+        if not 0 < tolerance < np.inf:
+            raise InputError(f"tolerance: expected a share above 0, got {tolerance!r}")
         emission = self.emission if emission is None else self._checked(emission, "emission", np.inf)
         albedo = self.albedo if albedo is None else self._checked(albedo, "albedo", 1.0)
         if device != "cpu":

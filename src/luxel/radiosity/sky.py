@@ -36,6 +36,12 @@ class Even(NamedTuple):
     coarse: Array
     fine: Array
 
+    @property
+    def mean(self) -> float:
+        """Radiance over all directions and channels."""
+        ring = np.sin((np.arange(len(self.fine)) + 0.5) / len(self.fine) * np.pi)
+        return float(ring @ self.fine.mean((1, 2), dtype=np.float64) / ring.sum())
+
 
 def split(sky: Array) -> tuple[Even, Array]:
     """A sky (3,) or (h, w, 3), W/(m2 sr), as what is even enough for cells, and the rest, (h, w, 3): the sun."""

@@ -366,6 +366,13 @@ def element_steps(problem: Problem, state: State, sight: Callable[[], Sight], to
         yield state
 
 
+def note_end(problem: Problem, state: State) -> Iterator[State]:
+    """The state, with a line in the ledger, where there was nothing to shoot at all: lamps without a surface shine on what is black."""
+    if not state.ledger:
+        _write(state, problem, 0)
+        yield state
+
+
 def _much(state: State, tolerance: float) -> bool:
     """Whether there is still light to shoot."""
     return bool(state.left.sum() > tolerance * state.emitted.sum())
