@@ -12,7 +12,7 @@ from luxel.arrays import Array
 from luxel.radiosity.occlusion import Occlusion
 
 _CHUNK = 256
-_SPOTS = ((0.56, 0.25, 0.19), (0.19, 0.56, 0.25), (0.25, 0.19, 0.56))  # weights of a triangle's corners; not on where others are often cut
+_AT = ((0.56, 0.25, 0.19), (0.19, 0.56, 0.25), (0.25, 0.19, 0.56))  # weights of a triangle's corners; not on where others are often cut
 _BEHIND = 4.0  # times `Occlusion.epsilon`: from where a triangle's back is asked
 
 
@@ -70,9 +70,9 @@ def nearest(scene, ox, oy, oz, dx, dy, dz):
 
 
 @jit.part
-def _is_backed(scene, a, b, c, spot, away):
+def _is_backed(scene, a, b, c, point, away):
     """Whether a ray to the back of the triangle at a point of it, from `away` (3,) metres behind, meets a front."""
-    w0, w1, w2 = _SPOTS[spot]
+    w0, w1, w2 = _AT[point]
     x, y, z = w0 * a[0] + w1 * b[0] + w2 * c[0], w0 * a[1] + w1 * b[1] + w2 * c[1], w0 * a[2] + w1 * b[2] + w2 * c[2]
     met, side, _ = nearest(scene, x - away[0], y - away[1], z - away[2], 2.0 * away[0], 2.0 * away[1], 2.0 * away[2])
     return met >= 0 and side < 0.0
