@@ -305,7 +305,7 @@ def test_skies_may_be_of_any_range(capsys, tmp_path):
 def test_layers_are_of_one_lamp_each_and_sum_to_the_whole(capsys, tmp_path):
     OpenEXR = pytest.importorskip("OpenEXR")
     scene = cornell_box()
-    place = luxel.scene.transforms.translation((0.3, 0.3, 0.3))
+    place = luxel.scene.transforms.translation((0.3, 0.45, 0.3))  # above the tall block
     scene.lights, scene.ambient = [Light("point", intensity=0.2, world_from_light=place, name="spark")], None
     luxel.save(scene, tmp_path / "box.glb")
     said = bake(capsys, tmp_path / "box.glb", "-o", tmp_path / "lit.glb", *QUICK, "--layers", "--tolerance", "1e-4")
