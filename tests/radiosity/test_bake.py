@@ -4,7 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
-from closed import box, matte
+from closed import box, face, matte
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -431,8 +431,25 @@ def test_a_solid_that_is_inside_out_under_a_sky_is_said():
     """Its fronts are inside, where no light comes."""
     shape, scene = sphere(1.0), Scene()
     scene.add(Mesh(shape.positions, np.ascontiguousarray(shape.triangles[:, ::-1]), -shape.normals), matte(0.5))
-    with pytest.warns(LuxelWarning, match=r"surfaces see 0\.0.% of the sky, .* normals inverted"):
+    with pytest.warns(LuxelWarning, match=r"surfaces have 0\.0.% of the light .* normals inverted"):
         bake(scene, density=6, quality="draft", sky=1.0)
+
+
+def test_a_room_with_a_small_window_is_no_closed_one(recwarn):
+    """Nor is ground below a sheet that hangs over it in a solid, though most that it sees is the sheet's back."""
+    scene = box(matte(0.5), high=(6, 3, 6), skip=(1,))
+    for low, high in (((6, 0, 0), (6, 3, 2.7)), ((6, 0, 3.3), (6, 3, 6)), ((6, 0, 2.7), (6, 1, 3.3)), ((6, 1.6, 2.7), (6, 3, 3.3))):
+        scene.add(face(0, 1, low, high), matte(0.5))
+    bake(scene, density=4, quality="draft", sky=1.0)
+    ground = Scene()
+    ground.add(face(1, 0, (-6, 0, -6), (6, 1, 6)), matte(0.5))
+    ground.add(face(1, 0, (-2, 1, -2), (2, 2, 2)), matte(0.5))
+    baked = bake(ground, density=4, quality="draft", sky=1.0)
+    assert baked.valid.all()
+    p = baked.luxels.position
+    below = (p[:, 1] < 0.5) & (np.abs(p[:, [0, 2]]).max(1) < 1.0)
+    assert 0.01 < baked.irradiance[below].mean() < 0.5 * np.pi
+    assert not recwarn.list
 
 
 def test_a_scene_too_far_from_the_origin_for_single_precision_is_said():

@@ -38,8 +38,8 @@ if TYPE_CHECKING:
 _MUCH_LOST = 0.98
 """A share of escaped light that is worth a word."""
 
-_HARDLY = 0.005
-"""A share of the sky's light that is hardly any: a word is due."""
+_HARDLY = 1.5e-4
+"""A share of the sky's light that is hardly any: a hall with one small window has more. A word is due."""
 
 _SAVE_EVERY = 30.0  # seconds
 
@@ -204,11 +204,11 @@ def _tell_of_loss(state: State) -> None:
 
 
 def _tell_of_dark(lighting: Lighting) -> None:
-    """Warn if there is a sky and hardly any of its light comes in."""
+    """Warn if there is a sky and hardly any of its light comes in, nor others'."""
     if lighting.lamps.sky is not None:
-        share = float(lighting.sky.mean(dtype=np.float64) / (np.pi * lighting.lamps.sky.mean))
+        share = float(lighting.still.mean(dtype=np.float64)) / (np.pi * lighting.lamps.radiance)
         if share < _HARDLY:
-            word = f"surfaces see {share:.2%} of the sky, on the average"
+            word = f"surfaces have {share:.2%} of the light that they would have under the open sky"
             warnings.warn(f"{word}: is the scene closed, or are normals inverted?", LuxelWarning, stacklevel=3)
 
 

@@ -41,6 +41,11 @@ def light_table(lights: Sequence[Light]) -> Array:
     return table
 
 
+def irradiances(table: Array) -> float:
+    """The sum over directional lights, W/m2: the mean over channels."""
+    return float(table[:, _RED : _BLUE + 1].mean(1).sum())
+
+
 @jit.part
 def _strength(light, dx, dy, dz, r2):
     """What of a light's intensity goes along the unit vector d towards it, and its 1 / r^2: as the renderer has it."""

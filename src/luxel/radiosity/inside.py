@@ -24,10 +24,10 @@ _AT_ONCE = 1 << 14  # luxels, where it is
 
 
 @jit.parallel_kernel
-def _look(queue, scene, position, frames, directions, two_sided, reach, backs):
+def _look(queue, scene, position, frames, directions, two_sided, reach, backs, outdoors):
     own_c, own_stack = np.zeros(packet.SCRATCH, np.float32), np.zeros(packet.STACK, np.int32)
     c, stack, scene, position = jit.borrow(own_c), jit.borrow(own_stack), jit.borrow(scene), jit.borrow(position)
-    directions, frames, backs = jit.borrow(directions), jit.borrow(frames), jit.borrow(backs)
+    directions, frames, backs, outdoors = jit.borrow(directions), jit.borrow(frames), jit.borrow(backs), jit.borrow(outdoors)
     count = len(position)
     chunk = jit.take(queue)
     while chunk * WIDTH < count:
@@ -42,20 +42,23 @@ def _look(queue, scene, position, frames, directions, two_sided, reach, backs):
             for r in range(np.uint64(min(WIDTH, count - first))):
                 item = float_bits(c[FOUND + r])
                 backs[first + np.int64(r)] += item >= 0 and c[SLOPE + r] > np.float32(0.0) and not two_sided[scene.triangle[item]]
+                outdoors[first + np.int64(r)] |= item < 0
         chunk = jit.take(queue)
     own_c[0] = own_stack[0]  # they live until here
 
 
-def _backs(scene: Occlusion, two_sided: Array, position: Array, normal: Array, directions: Array, reach: float, threads: int) -> Array:
-    """(n,) int32: how many of the directions (k, 3), in frames of n points, show the back of a one-sided triangle; neighbours among points are best
-    together. The others as in `seen_backs`."""
-    backs = np.zeros(len(position), np.int32)
-    jit.run(_look, threads, scene, position, frames_of(normal), directions.astype(np.float32), two_sided, np.float32(reach), backs)
-    return backs
+def _backs(scene: Occlusion, two_sided: Array, position: Array, normal: Array, directions: Array, reach: float,
+           threads: int) -> tuple[Array, Array]:  # fmt: skip
+    """(n,) int32: how many of the directions (k, 3), in frames of n points, show the back of a one-sided triangle, and (n,) bool: whether any shows
+    nothing; neighbours among points are best together. The others as in `seen_backs`."""
+    backs, outdoors = np.zeros(len(position), np.int32), np.zeros(len(position), np.bool_)
+    jit.run(_look, threads, scene, position, frames_of(normal), directions.astype(np.float32), two_sided, np.float32(reach), backs, outdoors)
+    return backs, outdoors
 
 
 def seen_backs(scene: Occlusion, two_sided: Array, position: Array, normal: Array, reach: float, threads: int) -> Array:
-    """How much of what each point sees, weighted by its cosine, is backs of one-sided triangles.
+    """How much of what each point sees, weighted by its cosine, is backs of one-sided triangles. Nothing for who sees the open: what lies below
+    a sheet that hangs over it is in no solid.
 
     Args:
         scene: All triangles.
@@ -67,10 +70,11 @@ def seen_backs(scene: Occlusion, two_sided: Array, position: Array, normal: Arra
         (n,) float32, 0..1.
     """
     directions = cosine_directions(_ALL, _FIRST)
-    backs = _backs(scene, two_sided, position, normal, directions[:_FIRST], reach, threads)
-    some = np.flatnonzero(backs)
-    share = (backs / _FIRST).astype(np.float32)
-    share[some] = (backs[some] + _backs(scene, two_sided, position[some], normal[some], directions[_FIRST:], reach, threads)) / _ALL
+    backs, outdoors = _backs(scene, two_sided, position, normal, directions[:_FIRST], reach, threads)
+    some = np.flatnonzero((backs > 0) & ~outdoors)
+    share = np.zeros(len(position), np.float32)
+    more, outdoors = _backs(scene, two_sided, position[some], normal[some], directions[_FIRST:], reach, threads)
+    share[some] = np.where(outdoors, 0, backs[some] + more) / _ALL
     return share
 
 
@@ -103,7 +107,7 @@ def _free(scene: Occlusion, two_sided: Array, points: Array, normal: Array, reac
     samples = np.ascontiguousarray(points.transpose(1, 0, 2)).reshape(-1, 3)  # those of a luxel together
     normals, free = np.repeat(normal, len(points), 0), np.arange(len(samples))
     for directions in np.split(cosine_directions(_FEW, _FEW // 2), [1, _FEW // 2]):  # the first tells of most
-        free = free[_backs(scene, two_sided, samples[free], normals[free], directions, reach, threads) == 0]
+        free = free[_backs(scene, two_sided, samples[free], normals[free], directions, reach, threads)[0] == 0]
     result = np.zeros((len(normal), len(points)), np.bool_)
     result.flat[free] = True
     return result.T

@@ -8,7 +8,7 @@ import numpy as np
 
 from luxel.arrays import Array
 from luxel.errors import DarkError, InputError
-from luxel.radiosity.direct import light_table, sky_table
+from luxel.radiosity.direct import irradiances, light_table, sky_table
 from luxel.radiosity.sky import Even, split
 from luxel.scene.scene import Scene
 
@@ -21,6 +21,12 @@ class Lamps(NamedTuple):
     table: Array
     own: int
     sky: Even | None
+
+    @property
+    def radiance(self) -> float:
+        """Of the sky, which there must be, and the sun in it: the mean over all directions and channels, W/(m2 sr)."""
+        assert self.sky is not None
+        return self.sky.mean + irradiances(self.table[self.own :]) / (4 * np.pi)
 
 
 def lamps_of(scene: Scene, sky: Any) -> Lamps:
