@@ -90,10 +90,11 @@ class _CrashedError(LuxelError):
     """The process was ended by a signal."""
 
 
-def _pack(sheets: list[Sheet], wishes: Wishes) -> list[Flat]:
+def _pack(sheets: list[Sheet], wishes: Wishes, atlas: Any = None) -> list[Flat]:
+    """What `atlas`, or a new one, makes of the sheets."""
     import xatlas
 
-    atlas, options, packing = xatlas.Atlas(), xatlas.ChartOptions(), xatlas.PackOptions()
+    atlas, options, packing = atlas or xatlas.Atlas(), xatlas.ChartOptions(), xatlas.PackOptions()
     for sheet in sheets:
         atlas.add_mesh(*sheet)
     options.max_chart_area, options.max_cost = wishes.largest, wishes.cost
@@ -162,14 +163,20 @@ def _read(source: IO[bytes]) -> list[dict[str, Array]]:
 
 
 def _serve() -> None:
-    """The other process: sheets and wishes on standard input, flats on standard output."""
-    answer = os.dup(1)
+    """The other process: sheets and wishes on standard input, flats on standard output.
+
+    It ends without taking anything down: once in thousands of times xatlas waits for ever for threads that have ended when an atlas goes.
+    """
+    import xatlas
+
+    answer, atlas = os.dup(1), xatlas.Atlas()
     os.dup2(2, 1)  # what the library prints is no part of the answer
     *sheets, last = _read(sys.stdin.buffer)
     page, padding, largest, cost = last["wishes"].tolist()
-    made = _pack([Sheet(**fields) for fields in sheets], Wishes(int(page), int(padding), largest, cost))
+    made = _pack([Sheet(**fields) for fields in sheets], Wishes(int(page), int(padding), largest, cost), atlas)
     with os.fdopen(answer, "wb") as file:
         _write(file, [flat._asdict() for flat in made])
+    os._exit(0)
 
 
 if __name__ == "__main__":
