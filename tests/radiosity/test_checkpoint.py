@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from closed import box, matte
 
-from luxel import FileError, InputError, Material, Mesh, Texture, TextureRef
+from luxel import FileError, InputError, LuxelWarning, Material, Mesh, Texture, TextureRef
 from luxel.radiosity import checkpoint
 from luxel.radiosity.bake import bake
 
@@ -56,7 +56,8 @@ def test_another_sky_is_another_bake(tmp_path):
     options = begin(leaf(), tmp_path / "state", sky=1.0)
     with pytest.raises(InputError, match="other settings"):
         bake(leaf(), resume=True, **{**options, "sky": 2.0})
-    assert bake(leaf(), resume=True, **options).finished
+    with pytest.warns(LuxelWarning, match="have 0.00% of the light that they would have under the open sky"):
+        assert bake(leaf(), resume=True, **options).finished
 
 
 def test_a_checkpoint_of_another_version_is_refused(tmp_path, monkeypatch):
