@@ -15,7 +15,7 @@ import numpy as np
 from luxel.arrays import Array
 from luxel.radiosity.element import AREA, GX, GZ, LIFT, NX, NZ, PX, PZ, UX, UZ, VX, VZ, find_free
 from luxel.radiosity.facets import Facets, facets_of, without
-from luxel.radiosity.inside import free_places, seen_backs
+from luxel.radiosity.inside import MOST_BACKS, free_places, seen_backs
 from luxel.radiosity.labour import Labour
 from luxel.radiosity.luxels import Luxels
 from luxel.radiosity.nearest import backed
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 
 _NEAR = 2e-5  # of the scene's diagonal
 _STEPS = np.array([0.6180339887498949, 0.7548776662466927, 0.5698402909980532])  # 1 / x, x^2 = x + 1; 1 / x and its square, x^3 = x + 1
-_MOST_BACKS = 0.5  # a facet that sees more of them is inside a solid, as luxels are
 _MOST_CUTS = 32  # sub-points along a side of a luxel that emits
 
 
@@ -189,7 +188,7 @@ def _outside(facets: Facets, sided: Array, two_sided: Array, reach: float, rays:
         return np.concatenate([place.T, share[None]])
 
     asked = np.flatnonzero(~sided[facets.luxel])
-    hidden = asked[labour.each(len(asked), backs) > _MOST_BACKS] if len(asked) else asked
+    hidden = asked[labour.each(len(asked), backs) > MOST_BACKS] if len(asked) else asked
     if not len(hidden):
         return facets
     found = labour.each(len(hidden), free)

@@ -18,6 +18,9 @@ from luxel.radiosity.hemicube import frames_of
 from luxel.radiosity.occlusion import Occlusion
 from luxel.radiosity.packet import AT, DX, DY, DZ, FOUND, OX, OY, OZ, SLOPE, WIDTH
 
+MOST_BACKS = 0.5
+"""What sees more of them is inside a solid."""
+
 _FIRST, _ALL = 4, 24  # rays, of which all are cast only where the first ones see any back
 _FEW = 8  # rays of each sample of a luxel, where it is looked for a free place
 _AT_ONCE = 1 << 14  # luxels, where it is

@@ -19,7 +19,7 @@ from luxel.errors import DarkError, InputError, LuxelWarning
 from luxel.radiosity.effort import memory_check
 from luxel.radiosity.elements import Cut, cut, frames_of_texels
 from luxel.radiosity.gather import Lookup, View, element_pages, texel_maps
-from luxel.radiosity.inside import free_places, seen_backs
+from luxel.radiosity.inside import MOST_BACKS, free_places, seen_backs
 from luxel.radiosity.labour import Labour
 from luxel.radiosity.lamps import Lamps, lamps_of
 from luxel.radiosity.luxels import Luxels, find_luxels, two_sided_triangles
@@ -31,9 +31,6 @@ from luxel.radiosity.unwrap import Atlas, expected_luxels, unwrap
 from luxel.raster.geometry import Geometry, flatten
 from luxel.scene.normals import with_normals
 from luxel.scene.scene import Scene
-
-_MOST_BACKS = 0.5
-"""A luxel that sees more backs than this is inside a solid."""
 
 _FEW_VALID = 0.5
 """A share of valid luxels that is worth a word."""
@@ -162,7 +159,7 @@ def _move_out(luxels: Luxels, sides: tuple[Array, Array], rays: Occlusion, two_s
 
     order = np.argsort(luxels.chart, kind="stable")  # neighbours together
     valid = luxels.two_sided.copy()
-    valid[order] |= labour.each(len(order), backs) <= _MOST_BACKS
+    valid[order] |= labour.each(len(order), backs) <= MOST_BACKS
     hidden = order[~valid[order]]
     if len(hidden):
         *place, share = labour.each(len(hidden), free)
