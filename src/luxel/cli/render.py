@@ -173,12 +173,16 @@ def render(
             return
         from luxel.cli.ranks import draw_file
 
-        ways = (
-            values.choice(divide or "screen", _DIVISIONS, "--divide"),
-            values.choice(composition or "swap", _COMPOSITIONS, "--composition"),
-            values.choice(balance or "dynamic", _BALANCES, "--balance"),
-        )
-        draw_file(console, comm, file, output, pixels, view, options, lightmap, crease, *ways)
+        draw_file(console, comm, file, output, pixels, view, options, lightmap, crease, *_ways(divide, composition, balance))
+
+
+def _ways(divide: str | None, composition: str | None, balance: str | None) -> tuple[str, str, str]:
+    """What ranks share, how their pictures become one, and how parts are balanced."""
+    return (
+        values.choice(divide or "screen", _DIVISIONS, "--divide"),
+        values.choice(composition or "swap", _COMPOSITIONS, "--composition"),
+        values.choice(balance or "dynamic", _BALANCES, "--balance"),
+    )
 
 
 def _check_together(options: dict[str, Any], samples: str | None, output: Path, turns: bool, moves: bool) -> None:
