@@ -18,8 +18,10 @@ from luxel.radiosity.elements import frames_of_texels
 from luxel.radiosity.rays import Occluders
 from luxel.raster.geometry import flatten
 from luxel.scene.material import Material
+from luxel.scene.normals import vertex_normals
 
 _LIFT = 1e-4  # of the scene's diagonal: the cameras' height
+_BEHIND = 0.1  # of that: how far the back of a two-sided lamp is from its front
 _SHRINK = 0.98  # of a texel, when it is looked whether something stands on it
 _LYING = 0.1  # of a texel's side
 _AT_ONCE = 64  # cameras of one picture
@@ -57,11 +59,14 @@ class Mitsuba:
             triangles = self.geometry.triangles[self.geometry.part_start[p] : self.geometry.part_start[p + 1]]
             if len(triangles):
                 parts[f"part {p}"] = self._mesh(f"part {p}", triangles, materials[material])
+                if materials[material].double_sided and max(materials[material].emissive) > 0:  # Mitsuba's lamps shine from their fronts only
+                    parts[f"back {p}"] = self._mesh(f"back {p}", triangles[:, ::-1], materials[material], _BEHIND * self.lift)
         if sky is not None:
             parts["sky"] = {"type": "constant", "radiance": {"type": "rgb", "value": [sky] * 3}}
         return self.mi.load_dict(parts)
 
-    def _mesh(self, name: str, triangles: Any, material: Material) -> Any:
+    def _mesh(self, name: str, triangles: Any, material: Material, above: float = 0.0) -> Any:
+        """Triangles, moved by so many metres to the side they face."""
         mi = self.mi
         surface: dict[str, Any] = {"type": "diffuse", "reflectance": {"type": "rgb", "value": list(material.base_color[:3])}}
         properties = mi.Properties()
@@ -71,7 +76,10 @@ class Mitsuba:
         used, corners = np.unique(triangles, return_inverse=True)
         mesh = mi.Mesh(name, len(used), len(triangles), props=properties)
         arrays = mi.traverse(mesh)
-        arrays["vertex_positions"] = np.ascontiguousarray(self.geometry.positions[used].ravel())
+        places = self.geometry.positions[used].astype(float)
+        if above:
+            places += above * vertex_normals(places, corners.reshape(-1, 3)).astype(float)
+        arrays["vertex_positions"] = np.ascontiguousarray(places.astype(np.float32).ravel())
         arrays["faces"] = np.ascontiguousarray(corners.astype(np.uint32).ravel())
         arrays.update()
         return mesh

@@ -119,7 +119,7 @@ def facets(scene, density, points=256):
     atlas = unwrap(scene, density)
     luxels, geometry = find_luxels(atlas), flatten(atlas.scene, "none")
     chosen = np.flatnonzero(luxels.emission.sum(1) > 0).astype(np.int32)
-    return luxels, chosen, facets_of(luxels, chosen, geometry, atlas.chart, points, 1)
+    return luxels, chosen, facets_of(luxels, chosen, geometry, atlas.chart, None, points, 1)
 
 
 @pytest.mark.filterwarnings("ignore:most of the surface is black")

@@ -8,7 +8,7 @@ from closed import box, matte
 
 import luxel
 from luxel import Mesh, Scene
-from luxel.radiosity import element, elements, sky
+from luxel.radiosity import element, shining, sky
 from luxel.radiosity.bake import bake
 from luxel.radiosity.element import AREA, FREE, GX, PX, SAMPLES, UX, VX, find_free
 from luxel.radiosity.occlusion import prepare
@@ -76,8 +76,8 @@ def test_the_shadow_of_a_bar_parallel_to_a_lamp_has_no_steps():
 @pytest.mark.filterwarnings("ignore:100% of the light meets nothing")
 def test_points_of_lights_lie_in_their_patches_and_not_in_rows(monkeypatch):
     made = []
-    scattered = elements._scattered
-    monkeypatch.setattr(elements, "_scattered", lambda *given: made.append((given[0], scattered(*given))) or made[-1][1])
+    scattered = shining._scattered
+    monkeypatch.setattr(shining, "_scattered", lambda *given: made.append((given[0], scattered(*given))) or made[-1][1])
     scene = Scene()
     scene.add(sheet((0, 0, 0), (0, 0, 1), (1, 0, 0)), matte(0.05, GLOW))
     bake(scene, density=16)

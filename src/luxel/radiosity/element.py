@@ -99,6 +99,12 @@ def _point_at(numbers, i, a, b, lift):
     return x, y, z
 
 
+def turned(numbers: Array) -> Array:
+    """The other sides of elements (17, n), whose numbers are changed."""
+    numbers[NX : GZ + 1] *= -1
+    return numbers
+
+
 def samples_on(position: Array, u: Array, v: Array) -> Array:
     """(samples, n, 3) float32: all samples of n elements with middles and sides, (n, 3) each, on the surface."""
     a, b = (np.array(at, np.float32)[:, None, None] for at in zip(*(_sample(k) for k in range(SAMPLES)), strict=True))

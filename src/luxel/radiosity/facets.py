@@ -14,10 +14,12 @@ import numpy as np
 
 from luxel import jit
 from luxel.arrays import Array
+from luxel.radiosity.cuttings import Cuttings, cuttings_of
 from luxel.radiosity.element import AREA, FREE, GX, GZ, NX, NZ, PX, PZ, SAMPLES, UX, VX, VZ
-from luxel.radiosity.luxels import Luxels, surface_areas
-from luxel.radiosity.texture_space import area2, corners_at, cut_triangle, place_vertices
+from luxel.radiosity.glow import emission_of, means
+from luxel.radiosity.luxels import Luxels
 from luxel.raster.geometry import Geometry
+from luxel.raster.materials import MaterialTable
 
 _ALIKE = math.cos(math.radians(5.0))
 """A luxel none of whose triangles leans farther from it is flat."""
@@ -38,42 +40,40 @@ class Facets(NamedTuple):
         bent: (k,) bool: luxels that have facets.
         numbers: (17, f) float32, as of elements: those of a luxel one after the other; their areas sum to its area.
         luxel: (f,) int64: which of the k luxels each is of.
+        share: (f, 3) float32: exitance, of the luxel's.
     """
 
     bent: Array
     numbers: Array
     luxel: Array
+    share: Array
 
 
-class _Pieces(NamedTuple):
-    """What of triangles is in luxels, by luxel: luxel and triangle (p,) int32, area (p,) float64, m2, and centroid (p, 3) float64."""
-
-    luxel: Array
-    triangle: Array
-    area: Array
-    middle: Array
-
-
-def facets_of(luxels: Luxels, chosen: Array, geometry: Geometry, charts: Array, points: int, threads: int) -> Facets:
+def facets_of(luxels: Luxels, chosen: Array, geometry: Geometry, charts: Array, table: MaterialTable | None, points: int, threads: int) -> Facets:
     """Facets of those of the chosen luxels that are bent.
 
     Args:
         chosen: (k,) int32, ascending.
         charts: (m,) int32, of each triangle.
+        table: Of `glowing_table`.
         points: About so many light points there are to be.
     """
-    none = Facets(np.zeros(len(chosen), np.bool_), np.zeros((17, 0), np.float32), np.zeros(0, np.int64))
+    none = Facets(np.zeros(len(chosen), np.bool_), np.zeros((17, 0), np.float32), np.zeros(0, np.int64), np.ones((0, 3), np.float32))
     triangles = geometry.positions.astype(np.float64)[geometry.triangles]
     normal = _normals(triangles)
     candidates = _in_bent_charts(luxels, chosen, charts, normal)
     if not len(candidates):
         return none
-    pieces = _pieces(luxels, chosen, geometry, charts, candidates, triangles, threads)
+    pieces = cuttings_of(luxels, chosen, geometry, charts, candidates, threads)
     bent = np.zeros(len(chosen), np.bool_)
     bent[pieces.luxel[(normal[pieces.triangle] * luxels.face_normal[chosen[pieces.luxel]]).sum(1) < _ALIKE]] = True
     if not bent.any():
         return none
-    pieces = _Pieces(*(array[bent[pieces.luxel]] for array in pieces))
+    pieces = pieces.only(bent[pieces.luxel])
+    emission = np.ones((len(pieces.luxel), 3), np.float32)
+    if table is not None:
+        emission, area = emission_of(pieces, luxels, chosen, geometry, table, threads)
+        emission, pieces = emission[area > 0], pieces._replace(area=area).only(area > 0)
     most = int(np.clip(_POINTS * points // np.count_nonzero(bent), _FEWEST, _MOST))
     count = np.bincount(pieces.luxel, minlength=len(chosen))
     facet, found = np.empty(len(pieces.luxel), np.int64), np.empty(len(chosen), np.int64)
@@ -81,14 +81,20 @@ def facets_of(luxels: Luxels, chosen: Array, geometry: Geometry, charts: Array, 
     luxel = np.repeat(np.arange(len(chosen)), found)
     numbers, whole = _numbers(pieces, facet, triangles[pieces.triangle], normal[pieces.triangle])
     whole *= (luxels.area[chosen] / np.maximum(np.bincount(luxel, whole, len(chosen)), 1e-300))[luxel]
-    return Facets(bent, _scaled(numbers, whole), luxel)
+    return Facets(bent, _scaled(numbers, whole), luxel, _shares(emission, pieces, facet, luxel))
+
+
+def _shares(emission: Array, pieces: Cuttings, facet: Array, luxel: Array) -> Array:
+    """(f, 3) float32: of the emission (p, 3) of pieces, that of facets relative to their luxels'."""
+    whole = means(emission, pieces.area, pieces.luxel, int(luxel.max(initial=-1)) + 1)[luxel]
+    return np.divide(means(emission, pieces.area, facet, len(luxel)), whole, out=np.ones_like(whole), where=whole > 0)
 
 
 def without(facets: Facets, hidden: Array) -> Facets:
     """The same without those `hidden`, numbers (h,); a luxel that has no others has none, and shines as it is."""
     kept = np.delete(np.arange(len(facets.luxel)), hidden)
     luxel = facets.luxel[kept]
-    return Facets(np.bincount(luxel, minlength=len(facets.bent)) > 0, facets.numbers[:, kept], luxel)
+    return Facets(np.bincount(luxel, minlength=len(facets.bent)) > 0, facets.numbers[:, kept], luxel, facets.share[kept])
 
 
 def _normals(triangles: Array) -> Array:
@@ -108,79 +114,6 @@ def _in_bent_charts(luxels: Luxels, chosen: Array, charts: Array, normal: Array)
     bent = np.zeros(count, np.bool_)
     bent[charts[own[leans]]] = True
     return own[bent[charts[own]]]
-
-
-def _pieces(luxels: Luxels, chosen: Array, geometry: Geometry, charts: Array, candidates: Array, corners: Array, threads: int) -> _Pieces:
-    """What of the candidate triangles is in chosen luxels of their charts."""
-    _, height, width = luxels.shape
-    screen = place_vertices(geometry.texcoords1, (width, height), threads)
-    page, row, column = luxels.texel[chosen].astype(np.int64).T
-    pages = np.zeros(int(charts.max()) + 1, np.int64)
-    pages[luxels.chart[chosen]] = page
-    size = np.abs(area2(screen, geometry.triangles[candidates])) / 2
-    density = np.divide(surface_areas(geometry)[candidates], size, out=np.zeros(len(size)), where=size > 0)
-    given = (candidates, geometry.triangles[candidates], screen, charts[candidates], pages[charts[candidates]] * height, width, height,
-             (page * height + row) * width + column, luxels.chart[chosen])  # fmt: skip
-    nothing = np.empty(0, np.int32), np.empty(0, np.int32), np.empty((0, 3))
-    p = _list_pieces(*given, *nothing)
-    luxel, triangle, moments = np.empty(p, np.int32), np.empty(p, np.int32), np.empty((p, 3))
-    _list_pieces(*given, luxel, triangle, moments)
-    order = np.argsort(luxel, kind="stable")
-    luxel, triangle, (share, s1, s2) = luxel[order], triangle[order], moments[order].T
-    a, b, c = corners[candidates[triangle]].transpose(1, 0, 2)
-    middle = a + s1[:, None] * (b - a) + s2[:, None] * (c - a)
-    area = np.where(size[triangle] > 0, share * density[triangle], surface_areas(geometry)[candidates[triangle]])
-    return _Pieces(luxel, candidates[triangle].astype(np.int32), area, middle)
-
-
-@jit.part
-def _luxel_at(texels, key):
-    """The place of `key` in the ascending `texels`, or -1."""
-    low, high = 0, len(texels)
-    while low < high:
-        middle = (low + high) // 2
-        if texels[middle] < key:
-            low = middle + 1
-        else:
-            high = middle
-    return low if low < len(texels) and texels[low] == key else -1
-
-
-@jit.kernel
-def _list_pieces(number, triangles, screen, chart, top, width, height, texels, charts, luxel, triangle, moments):
-    """Luxel, triangle and (area in 1/65536 texel, barycentric coordinates of the centroid) of each pair, as far as there is room; how many there
-    are. A triangle without an area on the page is whole in the texel of its middle."""
-    xs, ys, ox, oy = np.empty(8), np.empty(8), np.empty(8), np.empty(8)
-    found = 0
-    for i in range(len(number)):
-        a, b, c = triangles[i, 0], triangles[i, 1], triangles[i, 2]
-        ax, ay, bx = np.int64(screen[a, 0]), np.int64(screen[a, 1]), np.int64(screen[b, 0])
-        by, cx, cy = np.int64(screen[b, 1]), np.int64(screen[c, 0]), np.int64(screen[c, 1])
-        flat = (bx - ax) * (cy - ay) == (by - ay) * (cx - ax)
-        left, right = max(min(ax, min(bx, cx)) >> 8, 0), min(max(ax, max(bx, cx)) >> 8, width - 1)
-        first, last = max(min(ay, min(by, cy)) >> 8, 0), min(max(ay, max(by, cy)) >> 8, height - 1)
-        if flat:
-            left, first = max(left, (ax + bx + cx) // 768), max(first, (ay + by + cy) // 768)
-            right, last = min(right, left), min(last, first)
-        for row in range(first, last + 1):
-            for column in range(left, right + 1):
-                x, y = np.float64(column * 256), np.float64(row * 256)
-                area, mx, my = 0.0, 0.0, 0.0
-                if not flat:
-                    area, mx, my = cut_triangle(ax - x, ay - y, bx - x, by - y, cx - x, cy - y, xs, ys, ox, oy)
-                    if area <= 0.0:
-                        continue
-                k = _luxel_at(texels, (top[i] + row) * width + column)
-                if k < 0 or charts[k] != chart[i]:
-                    continue
-                if found < len(luxel):
-                    s1, s2 = 1.0 / 3.0, 1.0 / 3.0
-                    if not flat:
-                        s1, s2 = corners_at(mx / area, my / area, ax - x, ay - y, bx - x, by - y, cx - x, cy - y)
-                    luxel[found], triangle[found] = k, i
-                    moments[found, 0], moments[found, 1], moments[found, 2] = area, s1, s2
-                found += 1
-    return found
 
 
 @jit.kernel
@@ -210,7 +143,7 @@ def _by_facing(start, normal, area, most, facet, found):
         total += count
 
 
-def _numbers(pieces: _Pieces, facet: Array, corners: Array, normal: Array) -> tuple[Array, Array]:
+def _numbers(pieces: Cuttings, facet: Array, corners: Array, normal: Array) -> tuple[Array, Array]:
     """(17, f) float64 of facets, and their areas (f,); corners (p, 3, 3) and normals (p, 3) of the pieces' triangles.
 
     A facet is taken for a rectangle about the point of its triangles that is nearest to its centroid, with one side along an edge of its largest

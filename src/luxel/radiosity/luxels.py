@@ -16,6 +16,7 @@ from luxel import jit
 from luxel.arrays import Array
 from luxel.errors import LuxelWarning
 from luxel.radiosity.appearance import LEAST_SHARE, appearance
+from luxel.radiosity.glow import glowing_table, mean_emission
 from luxel.radiosity.pages import draw_page, triangle_pages
 from luxel.radiosity.pieces import areas
 from luxel.radiosity.texture_space import Texels, place_vertices
@@ -45,7 +46,7 @@ class Luxels(NamedTuple):
         area: (n,) float32, m2 of surface in the texel; what alpha masks cut out is no surface.
         coverage: (n,) float32: how much of the texel the chart covers.
         albedo: (n, 3) float32, linear, textured: what the renderer multiplies by E / pi.
-        emission: (n, 3) float32: radiant exitance, W/m2.
+        emission: (n, 3) float32: radiant exitance, W/m2; the mean over the luxel where a texture tells it.
         triangle: (n,) int32, row of `flatten(atlas.scene, "none").triangles`: the one with the largest part.
         chart: (n,) int32.
         two_sided: (n,) bool: its material is double-sided.
@@ -94,6 +95,9 @@ def find_luxels(atlas: Atlas, threads: int | None = None) -> Luxels:
     if not keep.all():
         per_luxel = {name: getattr(luxels, name)[keep] for name in Luxels._fields[:11]}
         luxels = luxels._replace(**per_luxel)
+    glowing = glowing_table(atlas.scene)
+    if glowing is not None:
+        luxels = luxels._replace(emission=mean_emission(luxels, geometry, atlas.chart, glowing, threads))
     _tell(luxels, atlas.scene, geometry)
     return luxels._replace(albedo=luxels.albedo.clip(0, np.float32(MOST_ALBEDO)), emission=luxels.emission.clip(0, None))
 

@@ -19,6 +19,7 @@ from luxel.errors import DarkError, InputError, LuxelWarning
 from luxel.radiosity.effort import memory_check
 from luxel.radiosity.elements import Cut, cut, frames_of_texels
 from luxel.radiosity.gather import Lookup, View, element_pages, texel_maps
+from luxel.radiosity.glow import glowing_table
 from luxel.radiosity.inside import MOST_BACKS, free_places, seen_backs
 from luxel.radiosity.labour import Labour
 from luxel.radiosity.lamps import Lamps, lamps_of
@@ -130,7 +131,7 @@ def prepare(atlas: Atlas, settings: Quality, check: Callable[[float, int], None]
         warnings.warn(f"{share}: are normals inverted? They stay dark", LuxelWarning, stacklevel=3)
     clock.lap("inside")
     tell(0.0, "cutting patches")
-    pieces = cut(luxels, sides, geometry, atlas.chart, valid, two_sided, masks, rays, settings, labour)
+    pieces = cut(luxels, sides, geometry, atlas.chart, valid, two_sided, masks, glowing_table(atlas.scene), rays, settings, labour)
     clock.lap("patches")
     return Prepared(atlas, luxels, geometry, valid, pieces, rays, two_sided, reach)
 

@@ -17,6 +17,7 @@ from luxel.errors import ExtraMissingError, InputError
 from luxel.radiosity.occlusion import WRAPS, Masks, Occlusion, prepare, visible_pairs
 
 if TYPE_CHECKING:
+    from luxel.radiosity.labour import Labour
     from luxel.raster.geometry import Geometry
     from luxel.scene.material import Material
     from luxel.scene.scene import Scene
@@ -73,6 +74,11 @@ def visible(scene: Occlusion, origins: Array, targets: Array, threads: int, skip
     writable = [np.require(array, dtype, ["C", "W"]) for array, dtype in ((origins, np.float64), (targets, np.float64), (skip, np.int32))]
     jit.run(visible_pairs, min(threads, n // 1024 + 1), scene, *writable, result)
     return result
+
+
+def visible_to_all(scene: Occlusion, a: Array, b: Array, labour: Labour) -> Array:
+    """(k,) bool: which of the points (k, 3) see each other, each process looking for some."""
+    return labour.each(len(a), lambda some: visible(scene, a[some], b[some], labour.threads))
 
 
 class EmbreeOccluders:

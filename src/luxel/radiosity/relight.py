@@ -38,7 +38,7 @@ _ENOUGH = 1e-3  # of the norm of the right-hand side
 _MOST_STEPS = 100
 _SETTLED = 1e-3  # of the light: how much of it may be missing
 _LEFT = 0.5  # of what is missing: what the groups leave of it, or less (0.45 in the paper's rooms)
-_VERSION = 4
+_VERSION = 5
 
 
 @dataclass(eq=False)
@@ -53,7 +53,8 @@ class Transport:
         hits: (e, r) int32: what each sees; see `luxel.radiosity.gather.Sight`.
         spot_element, spot_area, spot_starts, spot_rows, spot_touched: Of bright elements, as in `luxel.radiosity.gather.Spots`.
         rows, touched: Of the l lights, as in `luxel.radiosity.solve.Rows`.
-        point_luxel, point_area, point_starts: Of the points of the lights: their luxels (k,), areas (k,), and where each light's begin (l + 1,).
+        point_luxel, point_share, point_area, point_starts: Of the points of the lights: their luxels (k,), exitance relative to these (k, 3),
+            areas (k,), and where each light's begin (l + 1,).
         still: (3, e) float32: irradiance of lights without a surface, W/m2.
         emission: (n, 3) float32: radiant exitance of each luxel at the bake, W/m2.
         albedo: (n, 3) float32: of each luxel at the bake.
@@ -73,6 +74,7 @@ class Transport:
     rows: Array
     touched: Array
     point_luxel: Array
+    point_share: Array
     point_area: Array
     point_starts: Array
     still: Array
@@ -142,14 +144,14 @@ class Transport:
         """(l, 3) float32: the lights' mean exitance, of the luxels' (n, 3)."""
         if len(self.point_starts) == 1:
             return np.zeros((0, 3), np.float32)
-        power = np.add.reduceat(emission[self.point_luxel] * self.point_area[:, None], self.point_starts[:-1], 0)
+        power = np.add.reduceat(emission[self.point_luxel] * self.point_share * self.point_area[:, None], self.point_starts[:-1], 0)
         return (power / np.add.reduceat(self.point_area, self.point_starts[:-1])[:, None]).astype(np.float32)
 
     def shining(self, emission: Array) -> Array | None:
         """(e, 3): exitance of elements that were no lights at the bake, None if they all are dark; of the luxels' (n, 3)."""
         dark = emission.sum(1) > 0
         dark[self.point_luxel] = False
-        return (emission * dark[:, None])[self.luxel] * self.front[:, None] if dark.any() else None
+        return (emission * dark[:, None])[self.luxel] if dark.any() else None
 
     def _exchanged(self, direct: Array, albedo: Array, shining: Array | None, threads: int) -> Array:
         """(3, e) float32: what groups get from each other, the same for all elements of one; `albedo` (3, e)."""
@@ -204,9 +206,9 @@ class Transport:
 def transport_of(cut: Cut, lights: Rows, sight: Sight, still: Array, luxels: Luxels, labour: Labour) -> Transport | None:
     """What a bake leaves: the rows of its `lights`, complete, and what its elements see; None on processes that do not lead."""
     problem, area, starts = cut.problem, cut.problem.elements.numbers[AREA].copy(), groups(cut.problem.patches.tree)
-    points = np.zeros(0, np.int32), np.zeros(0), np.zeros(1, np.int64)
+    points = np.zeros(0, np.int32), np.zeros((0, 3), np.float32), np.zeros(0), np.zeros(1, np.int64)
     if problem.lights is not None:
-        points = problem.point_luxel, problem.lights.numbers[AREA].astype(np.float64), patch_starts(problem.lights.tree)
+        points = problem.point_luxel, problem.point_share, problem.lights.numbers[AREA].astype(np.float64), patch_starts(problem.lights.tree)
     hits = labour.team.collect(labour.fetch(sight.hits), len(area))
     spots = sight.spots or no_spots(problem.own.numbers.shape[1])
     spot_rows = _collected(labour.fetch(spots.rows), spots.touched, len(area), labour)

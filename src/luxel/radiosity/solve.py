@@ -200,7 +200,8 @@ class Problem(NamedTuple):
         albedo: (3, n) float32.
         patches: They as shooters.
         lights: Emitting surfaces as shooters, or None.
-        exitance: (k, 3) float32 of the elements of `lights`, and the luxel of each, `point_luxel` (k,) int32.
+        exitance: (k, 3) float32 of the elements of `lights`; the luxel of each, `point_luxel` (k,) int32, and its exitance relative to this,
+            `point_share` (k, 3) float32.
         occluders: What hides.
         near: Metres; see `hemicube.see`.
         rays: See `Visibility`.
@@ -213,6 +214,7 @@ class Problem(NamedTuple):
     lights: Source | None
     exitance: Array
     point_luxel: Array
+    point_share: Array
     occluders: Occluders
     near: float
     rays: Visibility

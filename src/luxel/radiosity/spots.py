@@ -13,11 +13,11 @@ import numpy as np
 
 from luxel.arrays import Array
 from luxel.radiosity.element import AREA
-from luxel.radiosity.elements import shining_source
 from luxel.radiosity.gather import Sight, Spots
 from luxel.radiosity.labour import Labour
 from luxel.radiosity.patches import patch_starts
 from luxel.radiosity.quality import Quality
+from luxel.radiosity.shining import shining_source
 from luxel.radiosity.solve import Problem, Rows, complete
 from luxel.radiosity.transport import ROW_BYTES
 

@@ -1,0 +1,163 @@
+"""What shines by its texture, and on two sides."""
+
+import numpy as np
+import pytest
+from closed import box, matte
+
+from luxel import Mesh, Scene
+from luxel.radiosity.bake import bake
+from luxel.radiosity.luxels import find_luxels
+from luxel.radiosity.unwrap import unwrap
+from luxel.scene.builtin.shapes import sphere
+from luxel.scene.material import Texture, TextureRef
+
+RADIANCE = 10.0
+DENSITIES = [2, 8, 16, 40]
+IDENTITY = np.eye(4)
+
+pytestmark = pytest.mark.filterwarnings("ignore:most of the surface is black")
+
+
+def quad(width, height):
+    """Facing down."""
+    x, z = width / 2, height / 2
+    corners = np.array([[-x, 0, -z], [x, 0, -z], [x, 0, z], [-x, 0, z]], np.float32)
+    return Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32), texcoords=np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32))
+
+
+def glowing(scene, image, **more):
+    """A material that glows as a picture (h, w, 3) says, white being `RADIANCE`."""
+    scene.textures.append(Texture(image))
+    return matte(0.0, RADIANCE, emissive_texture=TextureRef(len(scene.textures) - 1), **more)
+
+
+def stripe(first, last, width=64):
+    image = np.zeros((width, width, 3), np.uint8)
+    image[:, first:last] = 255
+    return image
+
+
+def area_of(mesh):
+    a, b, c = mesh.positions[mesh.triangles].astype(float).transpose(1, 0, 2)
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
+
+
+def power(luxels):
+    return luxels.emission.T.astype(float) @ luxels.area
+
+
+def room(lamp, material, scene, matrix=IDENTITY):
+    """A black room of 4 m with a lamp in its middle."""
+    box(matte(0.0), (-2, -2, -2), (2, 2, 2), scene)
+    scene.add(lamp, material, matrix)
+    return scene
+
+
+def received(baked, chosen=None):
+    """(3,) watts on what does not shine."""
+    own = baked.luxels.emission.sum(1) == 0
+    own &= True if chosen is None else chosen(baked.luxels.position)
+    return baked.irradiance[own].T.astype(float) @ baked.luxels.area[own]
+
+
+@pytest.mark.parametrize("density", DENSITIES)
+@pytest.mark.parametrize("first", [0, 16, 32, 48])
+@pytest.mark.parametrize("lamp", [quad(0.1, 0.06), quad(0.4, 0.3), sphere(0.03, 24), sphere(0.15, 24)], ids=["screen", "window", "bead", "ball"])
+def test_a_quarter_of_a_lamp_gives_a_quarter_of_its_light(lamp, first, density):
+    scene = Scene()
+    scene.add(lamp, glowing(scene, stripe(first, first + 16)))
+    np.testing.assert_allclose(power(find_luxels(unwrap(scene, density))), np.pi * RADIANCE * area_of(lamp) / 4, rtol=0.02)
+
+
+@pytest.mark.parametrize("side", [5, 64, 700])
+@pytest.mark.parametrize("density", DENSITIES)
+def test_what_a_picture_emits_is_its_mean(side, density):
+    rng = np.random.default_rng(side)
+    image = rng.integers(0, 256, (side, side, 3), np.uint8)
+    image[: side // 3] = 0
+    scene, lamp = Scene(), quad(0.3, 0.2)
+    scene.add(lamp, glowing(scene, image))
+    decoded = np.where(image <= 10, image / 255 / 12.92, ((image / 255 + 0.055) / 1.055) ** 2.4)
+    np.testing.assert_allclose(power(find_luxels(unwrap(scene, density))), np.pi * RADIANCE * 0.06 * decoded.mean((0, 1)), rtol=0.03)
+
+
+def test_it_is_the_same_on_any_number_of_threads():
+    scene = Scene()
+    scene.add(sphere(0.5, 24), glowing(scene, stripe(10, 23)))
+    atlas = unwrap(scene, 20)
+    one, two = (find_luxels(atlas, threads).emission for threads in (1, 2))
+    assert one.tobytes() == two.tobytes()
+
+
+def test_holes_take_nothing_from_the_light_of_the_rest():
+    """A sign cut out of black: a quarter is there, and all of it glows."""
+    image = np.concatenate([stripe(0, 16), stripe(0, 16)[..., :1]], 2)
+    scene = Scene()
+    scene.textures.append(Texture(image))
+    ref = TextureRef(0)
+    sign = matte(0.0, RADIANCE, emissive_texture=ref, base_color_texture=ref, alpha_mode="MASK", alpha_cutoff=0.5)
+    scene.add(quad(0.4, 0.3), sign)
+    luxels = find_luxels(unwrap(scene, 40))
+    np.testing.assert_allclose(luxels.emission.max(), np.pi * RADIANCE, rtol=1e-3)
+    np.testing.assert_allclose(power(luxels), np.pi * RADIANCE * 0.12 / 4, rtol=0.03)
+
+
+@pytest.mark.parametrize("density", [4, 8])
+@pytest.mark.parametrize("first", [0, 24, 48])
+def test_a_lamp_of_a_luxel_lights_the_room_as_its_texture_says(first, density):
+    scene, lamp = Scene(), quad(0.1, 0.06)
+    part = received(bake(room(lamp, glowing(scene, stripe(first, first + 16)), scene), density=density))
+    whole = received(bake(room(lamp, matte(0.0, RADIANCE), Scene()), density=density))
+    np.testing.assert_allclose(part, whole / 4, rtol=0.02)
+    np.testing.assert_allclose(part, np.pi * RADIANCE * area_of(lamp) / 4, rtol=0.03)  # luxels of 25 cm
+
+
+@pytest.mark.parametrize("density", [5, 20])
+def test_one_side_of_a_small_box_glows_where_its_texture_does(density):
+    """A cube of 6 cm, each face with a sixth of the picture, of which one is green: light falls on one half of the room."""
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float32) * 0.03
+    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    places = np.array([[(k + x) / 6, y] for k in range(6) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))], np.float32)
+    triangles = np.array([[4 * k, 4 * k + i, 4 * k + i + 1] for k in range(6) for i in (1, 2)], np.int32)
+    lamp = Mesh(corners[np.array(faces).ravel()], triangles, texcoords=places)
+    image = np.zeros((8, 96, 3), np.uint8)
+    image[:, 48:64, 1] = 255  # the face towards +y
+    scene = Scene()
+    baked = bake(room(lamp, glowing(scene, image), scene), density=density, transport=True)
+    watts = np.array([0, np.pi * RADIANCE * 0.06**2, 0])
+    np.testing.assert_allclose(received(baked), watts, rtol=0.03)
+    np.testing.assert_allclose(received(baked, lambda p: p[:, 1] > 0.05), watts, rtol=0.03)
+    anew = baked.transport.solve(3 * baked.luxels.emission)
+    np.testing.assert_allclose(anew.T @ baked.luxels.area, 3 * watts, rtol=0.03)
+
+
+@pytest.mark.parametrize("density", [5, 20])
+@pytest.mark.parametrize(("lamp", "visible"), [(quad(0.1, 0.06), 2), (quad(0.8, 0.5), 2), (sphere(0.1, 24), 1)], ids=["small", "large", "ball"])
+def test_two_sided_lamps_shine_from_both_sides(lamp, visible, density):
+    """Of a ball, only the outer one is seen."""
+    baked = bake(room(lamp, matte(0.0, RADIANCE, double_sided=True), Scene()), density=density)
+    watts = np.pi * RADIANCE * area_of(lamp)
+    if visible == 2:
+        np.testing.assert_allclose(baked.ledger[-1].emitted, 2 * watts, rtol=0.01)
+    np.testing.assert_allclose(received(baked), visible * watts, rtol=0.02)
+    above, below = (received(baked, lambda p, side=side: side * p[:, 1] > 0) for side in (1, -1))
+    np.testing.assert_allclose(above, below, rtol=0.02)
+
+
+def test_both_sides_are_lit_anew():
+    scene = room(quad(0.8, 0.5), matte(0.0, RADIANCE, double_sided=True), Scene())
+    baked = bake(scene, density=6, transport=True)
+    dark = baked.luxels.emission.sum(1) == 0
+    anew = baked.transport.solve(2 * baked.luxels.emission)
+    np.testing.assert_allclose(anew[dark].T @ baked.luxels.area[dark], 2 * received(baked), rtol=0.01)
+
+
+def test_a_two_sided_surface_that_was_dark_shines_on_both_sides_when_lit_anew():
+    scene = box([matte(0.0)] * 3 + [matte(0.0, 1.0)] + [matte(0.0)] * 2, (-2, -2, -2), (2, 2, 2))
+    scene.add(quad(1.0, 1.0), matte(0.0, double_sided=True))
+    baked = bake(scene, density=6, transport=True)
+    luxels = baked.luxels
+    light = baked.transport.solve(np.where(luxels.two_sided[:, None], np.float32(1), np.zeros((1, 3), np.float32)))
+    above, below = (light[side].T.astype(float) @ luxels.area[side] for side in (luxels.position[:, 1] > 0.1, luxels.position[:, 1] < -0.1))
+    np.testing.assert_allclose(above, 1.0, rtol=0.03)
+    np.testing.assert_allclose(below, 1.0, rtol=0.03)
