@@ -13,7 +13,6 @@ import numpy as np
 
 from luxel import jit
 from luxel.arrays import Array
-from luxel.radiosity.texture_space import Texels
 from luxel.raster.channels import BATCH, CR, EMR, FRAGMENTS, FRONT, MODEL, NX, NY, NZ, PITCH, U0, U0X, U0Y, U1, U1X, U1Y
 from luxel.raster.fragments import find_part
 from luxel.raster.geometry import Geometry
@@ -120,7 +119,7 @@ def _appear(queue, geometry, table, rich, triangle, corner1, corner2, coverage, 
         n = min(FRAGMENTS, len(triangle) - first)
         for i in range(n):
             t, s1, s2 = triangle[first + i], corner1[first + i], corner2[first + i]
-            a, b, c, gradient = triangles[t, 0], triangles[t, 1], triangles[t, 2], gradients[t]
+            a, b, c, gradient = triangles[t, 0], triangles[t, 1], triangles[t, 2], gradients[first + i]
             row = geometry.part_material[find_part(starts, t)]
             material[i], flags = row, table.flags[row]
             lay(first + i, a, b, c, s1, s2, geometry.positions, geometry.normals, position, normal, face)
@@ -144,15 +143,18 @@ def _appear(queue, geometry, table, rich, triangle, corner1, corner2, coverage, 
         batch = jit.take(queue)
 
 
-def appearance(geometry: Geometry, table: MaterialTable, texels: Texels, gradients: Array, threads: int) -> Appearance:
-    """Evaluate luxels.
+def appearance(geometry: Geometry, table: MaterialTable, triangle: Array, corners: tuple[Array, Array], coverage: Array, gradients: Array,
+               threads: int) -> Appearance:  # fmt: skip
+    """Evaluate n places of triangles, each for what is around it.
 
     Args:
         geometry, table: The scene.
-        texels: Of all pages, with triangles of the geometry.
-        gradients: (m, 4) float32: what barycentric coordinates 1 and 2 of each triangle gain by a texel to the right, and by one down.
+        triangle: (n,) int32.
+        corners: (n,) float32 each: barycentric coordinates in the triangle, of its corners 1 and 2.
+        coverage: (n,) float32: how much of what is around each is surface, 0 to 1.
+        gradients: (n, 4) float32: what these barycentric coordinates gain along one side of what is around, and along the other.
     """
-    n = len(texels.triangle)
+    n = len(triangle)
     made = Appearance(*(np.empty((n, 3) if name != "share" else n, np.float32) for name in Appearance._fields))
-    jit.run(_appear, threads, geometry, table, True if table.rich else None, *texels[1:4], texels.coverage, gradients, *made)
+    jit.run(_appear, threads, geometry, table, True if table.rich else None, triangle, *corners, coverage, gradients, *made)
     return made

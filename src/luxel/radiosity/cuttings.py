@@ -26,13 +26,13 @@ class Cuttings(NamedTuple):
         luxel: (p,) int32, row of the luxels asked for.
         triangle: (p,) int32.
         area: (p,) float64, m2.
-        middle: (p, 3) float64, metres: the centroid.
+        place: (p, 2) float64: barycentric coordinates, of corners 1 and 2, of the centroid.
     """
 
     luxel: Array
     triangle: Array
     area: Array
-    middle: Array
+    place: Array
 
     def only(self, which: Array) -> Cuttings:
         """Those of `which`, (p,) bool."""
@@ -62,11 +62,9 @@ def cuttings_of(luxels: Luxels, chosen: Array, geometry: Geometry, charts: Array
     luxel, triangle, moments = np.empty(p, np.int32), np.empty(p, np.int32), np.empty((p, 3))
     _list_cuttings(*given, luxel, triangle, moments)
     order = np.argsort(luxel, kind="stable")
-    luxel, triangle, (share, s1, s2) = luxel[order], triangle[order], moments[order].T
-    a, b, c = geometry.positions.astype(np.float64)[triangles[triangle]].transpose(1, 0, 2)
-    middle = a + s1[:, None] * (b - a) + s2[:, None] * (c - a)
-    area = np.where(size[triangle] > 0, share * density[triangle], surface[triangle])
-    return Cuttings(luxel, candidates[triangle].astype(np.int32), area, middle)
+    luxel, triangle, moments = luxel[order], triangle[order], moments[order]
+    area = np.where(size[triangle] > 0, moments[:, 0] * density[triangle], surface[triangle])
+    return Cuttings(luxel, candidates[triangle].astype(np.int32), area, moments[:, 1:])
 
 
 @jit.part

@@ -151,17 +151,19 @@ def _numbers(pieces: Cuttings, facet: Array, corners: Array, normal: Array) -> t
     """
     count = int(facet.max()) + 1
     area, weight = np.bincount(facet, pieces.area, count), pieces.area[:, None]
+    (a, b, c), (s1, s2) = corners.transpose(1, 0, 2), pieces.place.T[..., None]
+    own_middle = a + s1 * (b - a) + s2 * (c - a)
 
     def sums(values: Array) -> Array:
         return np.stack([np.bincount(facet, column, count) for column in values.T], 1)
 
-    middle, facing = sums(weight * pieces.middle) / area[:, None], sums(weight * normal)
+    middle, facing = sums(weight * own_middle) / area[:, None], sums(weight * normal)
     facing /= np.maximum(np.linalg.norm(facing, axis=1), 1e-300)[:, None]
     point = _on_triangles(middle[facet], corners, normal)
     nearest = _first_of(facet, ((point - middle[facet]) ** 2).sum(1))
     along = _edges(corners[_first_of(facet, -pieces.area)], facing)
     across = np.cross(facing, along)
-    from_middle, from_own = pieces.middle - middle[facet], corners - corners.mean(1, keepdims=True)
+    from_middle, from_own = own_middle - middle[facet], corners - corners.mean(1, keepdims=True)
     whole = np.linalg.norm(np.cross(from_own[:, 1] - from_own[:, 0], from_own[:, 2] - from_own[:, 0]), axis=1) / 2
     numbers = np.zeros((17, count))
     for row, axis in ((UX, along), (VX, across)):

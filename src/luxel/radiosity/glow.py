@@ -7,30 +7,28 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from luxel import jit
 from luxel.arrays import Array
-from luxel.radiosity.appearance import mixed, texture_place
+from luxel.radiosity.appearance import appearance
 from luxel.radiosity.cuttings import Cuttings, cuttings_of
 from luxel.radiosity.texture_space import corners_at, cut_line, place_vertices
-from luxel.raster.channels import BATCH, EMR, FRAGMENTS, PITCH, U0, U0X, U0Y, U1, U1X, U1Y
-from luxel.raster.fragments import find_part
+from luxel.raster.constants import SUBPIXEL
 from luxel.raster.geometry import Geometry
-from luxel.raster.materials import ALPHA_MASK, CUTOFF, EMISSIVE_SLOT, NEEDS_COLOR, NEEDS_UV0, NEEDS_UV1, TEXTURE, MaterialTable, pack_materials
-from luxel.raster.surface import mask_alpha, surface
+from luxel.raster.materials import EMISSIVE_SLOT, TEXTURE, MaterialTable, pack_materials
 from luxel.scene.material import Material, Texture
 from luxel.scene.scene import Scene
 
 if TYPE_CHECKING:
     from luxel.radiosity.luxels import Luxels
 
-_F = np.float32
-_CORNERS = 8  # of a triangle cut by four lines: at most seven
-_MOST_SIDE = 22  # a triangle is looked up at so many squared places: a batch's
+_CORNERS, _FAN = 8, 6  # at most: corners of a triangle that is cut by four lines, and triangles of the fan that it is
+_MOST_SIDE = 22  # a triangle is looked up at so many squared places, at most
 _SAMPLES = 1 << 21  # of all cuttings, about
+_AT_ONCE = 1 << 18
 _WIDE = 0.7  # of a parallelogram's sides, of which a triangle is half: what a sample is smoothed over
 
 
@@ -95,13 +93,38 @@ def means(values: Array, weight: Array, group: Array, count: int) -> Array:
 
 def emission_of(parts: Cuttings, luxels: Luxels, chosen: Array, geometry: Geometry, table: MaterialTable, threads: int) -> tuple[Array, Array]:
     """(p, 3) float32, W/m2: mean radiant exitance of each cutting of the chosen luxels, and (p,) float64, m2: its area without holes."""
-    _, height, width = luxels.shape
-    screen = place_vertices(geometry.texcoords1, (width, height), threads)
-    side = int(np.clip(math.isqrt(_SAMPLES // max(2 * len(parts.luxel), 1)), 1, _MOST_SIDE))
-    emission, solid = np.zeros((len(parts.luxel), 3), np.float32), np.zeros(len(parts.luxel), np.float32)
-    texel = luxels.texel[chosen[parts.luxel]]
-    jit.run(_emit, threads, parts.triangle, texel, side, screen, geometry, table, True if table.rich else None, emission, solid)
-    return emission, parts.area * solid
+    count = len(parts.luxel)
+    most = int(np.clip(math.isqrt(_SAMPLES // max(2 * count, 1)), 1, _MOST_SIDE))
+    side = np.where(textured(table, geometry), most, 1)[parts.triangle]
+    left, top = luxels.texel[chosen[parts.luxel]][:, 2:0:-1].T * np.int64(SUBPIXEL)
+    screen = place_vertices(geometry.texcoords1, luxels.shape[:0:-1], threads)
+    emission, share = np.zeros((count, 3)), np.zeros(count)
+    step = max(_AT_ONCE // (_FAN * most**2), 1)
+    for first in range(0, count, step):
+        last = min(first + step, count)
+        samples = _Samples.room_for(_FAN * int((side[first:last] ** 2).sum()))
+        n = _sample(geometry.triangles[parts.triangle[first:last]], left[first:last], top[first:last], side[first:last], screen, *samples)
+        owner, s1, s2, around, weight = (array[:n] for array in samples)
+        seen = appearance(geometry, table, parts.triangle[first + owner], (s1, s2), np.ones(n, np.float32), around, threads)
+        solid = weight * seen.share
+        share[first:last] = np.bincount(owner, solid, last - first)
+        emission[first:last] = means(seen.emission, solid, owner, last - first)
+    return emission.astype(np.float32), parts.area * share
+
+
+class _Samples(NamedTuple):
+    """Places of cuttings: whose each is (n,) int64, barycentric coordinates (n,) float32, those of the sides of what is around it (n, 4) float32, and
+    its share of the cutting (n,) float64."""
+
+    owner: Array
+    corner1: Array
+    corner2: Array
+    around: Array
+    weight: Array
+
+    @classmethod
+    def room_for(cls, n: int) -> _Samples:
+        return cls(np.empty(n, np.int64), np.empty(n, np.float32), np.empty(n, np.float32), np.empty((n, 4), np.float32), np.empty(n))
 
 
 @jit.part
@@ -123,52 +146,26 @@ def _outline(screen, a, b, c, left, top, xs, ys, ox, oy):
     return n
 
 
-@jit.part
-def _look_up(g, i, row, table, geometry, a, b, c, s1, s2, gradient):
-    """Where sample `i` of a batch is in the textures; whether there is a surface."""
-    flags = table.flags[row]
-    if flags & NEEDS_UV0 and len(geometry.texcoords) > 0:
-        texture_place(g, i, U0, U0X, U0Y, geometry.texcoords, a, b, c, s1, s2, gradient)
-    if flags & NEEDS_UV1:
-        texture_place(g, i, U1, U1X, U1Y, geometry.texcoords1, a, b, c, s1, s2, gradient)
-    if flags & ALPHA_MASK == 0:
-        return True
-    alpha = mask_alpha(table, row, g[U0 + i], g[U0 + PITCH + i], g[U1 + i], g[U1 + PITCH + i])
-    if flags & NEEDS_COLOR and len(geometry.colors) > 0:
-        alpha *= mixed(geometry.colors, 3, a, b, c, s1, s2)
-    return alpha >= table.floats[row, CUTOFF]
-
-
-@jit.parallel_kernel
-def _emit(queue, triangle, texel, most, screen, geometry, table, rich, emission, solid):
-    """Each cutting is a fan of triangles, and each of these cut to side x side alike, which are looked up in their middles."""
-    g, material = np.zeros(BATCH, np.float32), np.zeros(FRAGMENTS + 1, np.int32)
+@jit.kernel
+def _sample(triangles, left, top, sides, screen, owner, corner1, corner2, around, weight):
+    """Fill `_Samples`; how many there are. A cutting is a fan of triangles, and each of these is cut to side x side alike, with a sample in each."""
     xs, ys, ox, oy = np.empty(_CORNERS), np.empty(_CORNERS), np.empty(_CORNERS), np.empty(_CORNERS)
-    k = jit.take(queue)
-    while k < len(triangle):
-        t = triangle[k]
-        a, b, c = geometry.triangles[t, 0], geometry.triangles[t, 1], geometry.triangles[t, 2]
-        row = geometry.part_material[find_part(geometry.part_start, t)]
-        side = most if table.ints[row, TEXTURE + EMISSIVE_SLOT] >= 0 else 1
-        corners = _outline(screen, a, b, c, texel[k, 2] * 256.0, texel[k, 1] * 256.0, xs, ys, ox, oy)
-        whole, solids, red, green, blue = 0.0, 0.0, 0.0, 0.0, 0.0
+    n = 0
+    for k in range(len(triangles)):
+        a, b, c = triangles[k, 0], triangles[k, 1], triangles[k, 2]
+        side, begin, whole = sides[k], n, 0.0
+        corners = _outline(screen, a, b, c, left[k], top[k], xs, ys, ox, oy)
         for f in range(1, corners - 1):
             u1, u2, v1, v2 = (xs[f] - xs[0]) / side, (ys[f] - ys[0]) / side, (xs[f + 1] - xs[0]) / side, (ys[f + 1] - ys[0]) / side
-            around, weight = (_F(_WIDE * u1), _F(_WIDE * u2), _F(_WIDE * v1), _F(_WIDE * v2)), abs(u1 * v2 - u2 * v1)
-            n = 0
             for i in range(side):
                 for j in range(2 * (side - i) - 1):  # one that stands, one upside down, and so on
                     middle = (1.0 if j % 2 == 0 else 2.0) / 3.0
                     along, down = i + middle, j // 2 + middle
-                    s1, s2 = _F(xs[0] + along * u1 + down * v1), _F(ys[0] + along * u2 + down * v2)
-                    material[n] = row
-                    if _look_up(g, n, row, table, geometry, a, b, c, s1, s2, around):
-                        n += 1
-            surface(g, material, n, table, rich)
-            whole, solids = whole + weight * side * side, solids + weight * n
-            for i in range(n):
-                red, green, blue = red + weight * g[EMR + i], green + weight * g[EMR + PITCH + i], blue + weight * g[EMR + 2 * PITCH + i]
-        if solids > 0.0:
-            emission[k, 0], emission[k, 1], emission[k, 2] = math.pi * red / solids, math.pi * green / solids, math.pi * blue / solids
-            solid[k] = solids / whole
-        k = jit.take(queue)
+                    corner1[n], corner2[n] = xs[0] + along * u1 + down * v1, ys[0] + along * u2 + down * v2
+                    around[n, 0], around[n, 1], around[n, 2], around[n, 3] = _WIDE * u1, _WIDE * u2, _WIDE * v1, _WIDE * v2
+                    owner[n], weight[n] = k, abs(u1 * v2 - u2 * v1)
+                    whole += weight[n]
+                    n += 1
+        for i in range(begin, n):
+            weight[i] /= whole if whole > 0.0 else 1.0
+    return n

@@ -83,7 +83,8 @@ def find_luxels(atlas: Atlas, threads: int | None = None) -> Luxels:
     chart = atlas.chart[texels.triangle]
     area, lost = _whole_charts(texels.area, chart, atlas.chart, surface_areas(geometry))
     table = pack_materials(_plain(atlas.scene))
-    seen = appearance(geometry, table, texels, texture_gradients(atlas, geometry), threads)
+    gradients = texture_gradients(atlas, geometry)[texels.triangle]
+    seen = appearance(geometry, table, texels.triangle, (texels.corner1, texels.corner2), texels.coverage, gradients, threads)
     keep = seen.share >= LEAST_SHARE
     place = texels.place
     texel = np.stack([page, place // atlas.size[0], place % atlas.size[0]], 1).astype(np.int32)
