@@ -27,8 +27,10 @@ import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils, event
+from numba.core.compiler_lock import global_compiler_lock
 from numba.extending import intrinsic
 
+from luxel import interrupts
 from luxel.errors import InputError
 from luxel.helpers import call_together
 
@@ -364,6 +366,33 @@ class _Listener(event.Listener):
 
     def on_end(self, event: Any) -> None:
         pass
+
+
+class _SafePoints(event.Listener):
+    """Where a thread that compiles or loads a kernel may be interrupted: before each pass of the compiler, and after all.
+
+    Not in between. LLVM's objects would be freed twice, by Python and by the object that just took them over. And what is raised where LLVM asks
+    Python for code from the cache is dropped, so that LLVM goes on without that code, and kernels call what is not there.
+    """
+
+    def on_start(self, event: Any) -> None:
+        if event.kind == "numba:run_pass":
+            interrupts.raise_deferred()
+
+    def on_end(self, event: Any) -> None:
+        if not global_compiler_lock.is_locked():  # by this thread
+            interrupts.raise_deferred()
+
+
+def _compile_uninterrupted() -> None:
+    """Without counting: the lock knows best whether this thread has it, whatever has been raised."""
+    interrupts.defer(global_compiler_lock.is_locked)
+    points = _SafePoints()
+    event.register("numba:run_pass", points)
+    event.register("numba:compiler_lock", points)
+
+
+_compile_uninterrupted()
 
 
 @contextmanager
