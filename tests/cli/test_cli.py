@@ -454,14 +454,14 @@ def test_the_first_run_says_that_it_compiles(tmp_path):
 
 INTERRUPTED_IN_DISGUISE = """
 import os, signal, sys
-import luxel.cli, luxel.cli.app
+import luxel.cli, luxel.cli.app, luxel.errors
 
 def command():
     try:
         os.kill(os.getpid(), signal.SIGINT)
         import time; time.sleep(5)
     except KeyboardInterrupt as error:
-        raise RuntimeError("made of an interrupt by what it went through") from error
+        raise DISGUISE from error
 
 luxel.cli.app.command = command
 sys.exit(luxel.cli.main())
@@ -469,8 +469,11 @@ sys.exit(luxel.cli.main())
 
 
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
-def test_an_interrupt_that_became_another_exception_is_one():
-    done = subprocess.run([sys.executable, "-c", INTERRUPTED_IN_DISGUISE], capture_output=True, text=True)
+@pytest.mark.parametrize(
+    "disguise", ["RuntimeError('lost')", "luxel.errors.ExtraMissingError('xatlas', 'bake', 'baking')", "OSError(5, 'lost')", "MemoryError()"]
+)
+def test_an_interrupt_that_became_another_exception_is_one(disguise):
+    done = subprocess.run([sys.executable, "-c", INTERRUPTED_IN_DISGUISE.replace("DISGUISE", disguise)], capture_output=True, text=True)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "luxel: interrupted\n")
 
 

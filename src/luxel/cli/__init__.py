@@ -44,27 +44,31 @@ def _guarded(words: list[str]) -> int:
         return leaving.code if isinstance(leaving.code, int) else 1
     except KeyboardInterrupt:
         code = interrupts.exit_code()
-    except LuxelError as error:
-        return _fail(str(error), 2, words, error)
-    except OSError as error:
-        return _fail(in_words(error) or str(error), 2, words, error)
-    except MemoryError as error:
-        return _fail(in_words(error) or "", 1, words, error)
     except Exception as error:
-        if interrupts.interrupted():
-            print(f"luxel: {interrupts.told()}", file=sys.stderr)  # noqa: T201
-            return interrupts.exit_code()
-        usage = getattr(error, "format_message", None)  # typer's own errors, wherever this version of it keeps them
-        if usage and follows():
-            return 2  # every rank has read the same words; the first one says what is wrong with them
-        if usage:
-            return _fail(_suggested(error, usage(), words), 2, words, error)
-        what = str(error) or "no message"
-        return _fail(f"unexpected {type(error).__name__}: {what} (--traceback shows where)", 1, words, error)
+        if not interrupts.interrupted():  # or it was made of an interrupt by what that went through, as an import makes an ImportError
+            return _wrong(error, words)
+        code = interrupts.exit_code()
     if interrupts.interrupted() or code == interrupts.exit_code():  # typer makes an exit of a KeyboardInterrupt, whichever signal it stood for
         print(f"luxel: {interrupts.told()}", file=sys.stderr)  # noqa: T201
         return interrupts.exit_code()
     return code
+
+
+def _wrong(error: Exception, words: list[str]) -> int:
+    """Say what went wrong; the exit code."""
+    if isinstance(error, LuxelError):
+        return _fail(str(error), 2, words, error)
+    if isinstance(error, OSError):
+        return _fail(in_words(error) or str(error), 2, words, error)
+    if isinstance(error, MemoryError):
+        return _fail(in_words(error) or "", 1, words, error)
+    usage = getattr(error, "format_message", None)  # typer's own errors, wherever this version of it keeps them
+    if usage and follows():
+        return 2  # every rank has read the same words; the first one says what is wrong with them
+    if usage:
+        return _fail(_suggested(error, usage(), words), 2, words, error)
+    what = str(error) or "no message"
+    return _fail(f"unexpected {type(error).__name__}: {what} (--traceback shows where)", 1, words, error)
 
 
 def _suggested(error: Exception, message: str, words: list[str]) -> str:
