@@ -1,3 +1,4 @@
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -191,6 +192,39 @@ def test_glass_on_a_seam_keeps_nothing_apart():
     atlas, luxels, pages, _ = light(LEFT, RIGHT, pane, of=lambda luxels: 1.0 + luxels.chart)
     both = stitch(atlas, luxels, pages)
     assert np.abs(shown(atlas, both, 1, 0 * ALONG, ALONG) - shown(atlas, both, 0, 0 * ALONG + 1, ALONG)).max() < 0.01
+
+
+def test_points_on_the_page_are_no_seams():
+    """Pieces smaller than a texel have no edges there: to look for seams among many of them would take memory by the square of their number."""
+    rng = np.random.default_rng(1)
+    scene = Scene.from_mesh(Mesh((rng.random((800, 1, 3)) + rng.normal(size=(800, 3, 3)) * 0.01).reshape(-1, 3), np.arange(2400).reshape(-1, 3)))
+    for corner in (2.0, 3.0):  # two sheets side by side, and a seam between them
+        scene.add(Mesh([[corner, 0, 0], [corner + 1, 0, 0], [corner + 1, 1, 0], [corner, 1, 0]], [[0, 1, 2], [0, 2, 3]]))
+    atlas = unwrap(scene, 8.0)
+    tracemalloc.start()
+    try:
+        assert len(find_seams(atlas).page) == 1
+        assert tracemalloc.get_traced_memory()[1] < 20 << 20
+    finally:
+        tracemalloc.stop()
+
+
+def test_seams_are_sought_among_edges_of_one_direction():
+    """Where thousands of loose pieces are within two texels of each other, as blades of grass are, there are too many pairs of all of them."""
+    rng = np.random.default_rng(1)
+    corners = 8 * rng.random((3000, 1, 3)) + rng.normal(size=(3000, 3, 3))
+    scene = Scene.from_mesh(Mesh(corners.reshape(-1, 3), np.arange(9000).reshape(-1, 3)))
+    for corner in (20.0, 30.0):
+        scene.add(Mesh([[corner, 0, 0], [corner + 10, 0, 0], [corner + 10, 10, 0], [corner, 10, 0]], [[0, 1, 2], [0, 2, 3]]))
+    scene.add(Mesh([[40, -5, 0], [50, -5, 0], [50, 5, 0], [40, 5, 0]], [[0, 1, 2], [0, 2, 3]]))  # along a half of the last one's side
+    atlas = unwrap(scene, 1.0)
+    tracemalloc.start()
+    try:
+        seams = find_seams(atlas)
+        assert tracemalloc.get_traced_memory()[1] < 40 << 20
+    finally:
+        tracemalloc.stop()
+    assert (seams.place[:, :, 0] >= 19).all(1).sum() == 2
 
 
 def test_seam_inside_a_thick_wall_carries_no_light():

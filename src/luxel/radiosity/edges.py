@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 ANGLE = 5.0  # degrees between the normals of two sides that are one surface
 _NEAR = 0.1  # texels: edges that touch are nearer than this
 _POINTS = 400_000  # along all edges together
+_PARALLEL = 0.999  # cosine between edges that lie along each other
+_FORWARD = np.array([0.53, 0.37, 0.76])  # nearly of length 1, and square to few edges of what people build
 _LARGEST_GROUP = 12  # edges in one place; more are no seams of surfaces
 
 
@@ -85,6 +87,7 @@ def find_seams(atlas: Atlas, angle: float = ANGLE) -> Seams:
     alone = np.ones(len(edges.page), bool)
     alone[[exact[:, 0], exact[:, 1]]] = False
     whole = np.stack([edges.uv[exact[:, 0]], _aligned(edges, exact, edges.uv)], 1)  # (s, side, corner, 2)
+    alone &= (edges.uv[:, 0] != edges.uv[:, 1]).any(1)  # a point on the page has one texel for all of itself: nothing there to run along
     along = _along(edges.take(alone), np.array(atlas.size, np.float64), same)
     first = exact[:, 0]
     found = Seams(
@@ -202,7 +205,8 @@ def _near(edges: Edges, length: Array, spacing: float) -> Array:
     """(k, 2) int64: pairs of edges, the lower first, that may lie along each other.
 
     Points stand along every edge, `spacing` apart at most and at its corners. Where two edges overlap, a corner of one of them is in the
-    overlap, and half the spacing at most from a point of the other.
+    overlap, and half the spacing at most from a point of the other. Points are near if their edges' directions are, too: among blades of grass
+    there are too many pairs of others.
     """
     from scipy.spatial import cKDTree
 
@@ -211,9 +215,16 @@ def _near(edges: Edges, length: Array, spacing: float) -> Array:
     step = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
     t = step / (count[edge] - 1)
     points = edges.place[edge, 0] + (edges.place[edge, 1] - edges.place[edge, 0]) * t[:, None]
-    found = cKDTree(points).query_pairs(0.6 * spacing, output_type="ndarray")
+    direction = _unit(edges.place[:, 1] - edges.place[:, 0])
+    bend, forward = np.sqrt(2 - 2 * _PARALLEL), direction @ _FORWARD
+    ways = np.where(forward < 0, -1, 1)[:, None] * direction  # of the two that an edge has, one
+    again = np.flatnonzero((np.abs(forward) < bend)[edge])  # but both where the other edge's may be the other
+    of = np.concatenate([np.arange(len(edge)), again])
+    way = np.concatenate([ways[edge], -ways[edge[again]]])
+    tree = cKDTree(np.concatenate([points[of] / (0.6 * spacing), way / bend], 1))
+    found = of[tree.query_pairs(1 + 1e-6, np.inf, output_type="ndarray")]
+    found = found[((points[found[:, 0]] - points[found[:, 1]]) ** 2).sum(1) <= (0.6 * spacing) ** 2]
     pairs = np.sort(edge[found], 1)
     pairs = pairs[pairs[:, 0] != pairs[:, 1]]
-    direction = _unit(edges.place[:, 1] - edges.place[:, 0])
-    parallel = np.abs((direction[pairs[:, 0]] * direction[pairs[:, 1]]).sum(1)) > 0.999
+    parallel = np.abs((direction[pairs[:, 0]] * direction[pairs[:, 1]]).sum(1)) > _PARALLEL
     return np.unique(pairs[parallel], axis=0)
