@@ -10,9 +10,9 @@ from scipy.spatial import KDTree
 from luxel import InputError, Light, Mesh, Scene, Transport
 from luxel.radiosity.bake import bake
 from luxel.radiosity.quality import QUALITIES
-from luxel.radiosity.spots import bright
+from luxel.radiosity.spots import bright, most_spot_rows
 from luxel.scene.builtin import cornell_box, sphere
-from luxel.scene.transforms import look_at
+from luxel.scene.transforms import look_at, translation
 
 UP = (0, 0, 1)
 ALIKE = QUALITIES["normal"]._replace(unlike=math.inf)
@@ -82,6 +82,22 @@ def test_spots_are_what_is_few_and_far_brighter_than_where_it_is_seen():
     np.testing.assert_array_equal(bright(radiosity, around, area), [7, 500])
     around[7] = 0.0  # where nobody sees it
     np.testing.assert_array_equal(bright(radiosity, around, area), [500])
+
+
+def test_leaves_about_a_lamp_do_not_take_more_rows_than_there_is_room_for():
+    """Each of them would be a patch of its own."""
+    rng = np.random.default_rng(3)
+    way = rng.normal(size=(2000, 1, 3))
+    middle = 0.5 + way / np.linalg.norm(way, axis=2, keepdims=True) * (0.01 + 0.2 * rng.random((2000, 1, 1)))
+    scene = box(matte(0.5))
+    scene.add(Mesh((middle + rng.normal(size=(2000, 3, 3)) * 0.004).reshape(-1, 3), np.arange(6000).reshape(-1, 3)), matte(0.8, double_sided=True))
+    scene.lights.append(Light("point", intensity=1.0, world_from_light=translation((0.5, 0.5, 0.5))))
+    baked = bake(scene, density=10, quality="draft", transport=True)
+    spots = len(baked.transport.spot_starts) - 1
+    assert 100 < spots <= most_spot_rows(len(baked.transport.area), QUALITIES["draft"]) == 192
+    luxels = baked.luxels
+    sides = (luxels.area * (1 + luxels.two_sided))[:, None] * (1 - luxels.albedo) * baked.irradiance
+    assert sides.sum() / 3 == pytest.approx(4 * np.pi, rel=0.06)  # all is absorbed that the lamp gives; backs have the light of fronts, on the mean
 
 
 def test_a_brighter_room_elsewhere_takes_no_spots_from_a_dim_one():

@@ -18,7 +18,7 @@ from luxel.radiosity.labour import Labour
 from luxel.radiosity.patches import patch_starts
 from luxel.radiosity.quality import Quality
 from luxel.radiosity.shining import shining_source
-from luxel.radiosity.solve import Problem, Rows, complete
+from luxel.radiosity.solve import Problem, Rows, Source, complete
 from luxel.radiosity.transport import ROW_BYTES
 
 _BRIGHT = 8.0
@@ -43,21 +43,32 @@ def bright(radiosity: Array, around: Array, area: Array) -> Array:
 
 def _found(problem: Problem, sight: Sight, direct: Array, labour: Labour) -> Array:
     """(k,) int64: the elements that are spots where lights give so much `direct` light (3, n)."""
-    numbers, albedo, n = problem.elements.numbers, problem.albedo, direct.shape[1]
-    light, area = np.ascontiguousarray((albedo * direct).T), numbers[AREA].astype(np.float64)
-
-    def received(light: Array) -> Array:
-        return np.asarray(labour.join(labour.bounce(sight, light), n).sum(0, dtype=np.float64))
-
-    once = received(light)
-    around = labour.join(labour.brightness_around(sight, problem.own, problem.elements, once), n)
+    numbers, albedo = problem.elements.numbers, problem.albedo
+    light, area = _sent(problem, direct), numbers[AREA].astype(np.float64)
+    once = _received(sight, light, labour)
+    around = labour.join(labour.brightness_around(sight, problem.own, problem.elements, once), len(light))
     around /= 1.0 - min(float(albedo.mean(0) @ area) / area.sum(), 0.99)  # bounce after bounce, as in a closed room of the mean albedo
     found = bright(light.sum(1, dtype=np.float64), around, numbers[AREA])
+    return found if len(found) and _enough(found, light, once, area, sight, labour) else found[:0]
+
+
+def _sent(problem: Problem, direct: Array) -> Array:
+    """(n, 3) float32 W/m2: what elements send on of so much `direct` light (3, n)."""
+    return np.ascontiguousarray((problem.albedo * direct).T)
+
+
+def _received(sight: Sight, light: Array, labour: Labour) -> Array:
+    """(n,) float64 W/m2: what all elements receive of the `light` (n, 3), all channels together."""
+    return np.asarray(labour.join(labour.bounce(sight, light), len(light)).sum(0, dtype=np.float64))
+
+
+def _enough(found: Array, light: Array, once: Array, area: Array, sight: Sight, labour: Labour) -> bool:
+    """Whether the elements `found` (k,) send enough of what is received `once` (n,) of the `light` (n, 3) of all."""
     alone = np.zeros_like(light)
     alone[found] = light[found]
     root = np.sqrt(once)
-    part = np.divide(received(alone), root, out=np.zeros(n), where=root > 0) if len(found) else np.zeros(n)
-    return found if part @ area > _LEAST_LIGHT * (root @ area) else found[:0]
+    part = np.divide(_received(sight, alone, labour), root, out=np.zeros(len(light)), where=root > 0)
+    return bool(part @ area > _LEAST_LIGHT * (root @ area))
 
 
 def spot_points(elements: int, quality: Quality) -> int:
@@ -70,16 +81,36 @@ def most_spot_rows(elements: int, quality: Quality) -> int:
     return 3 * spot_points(elements, quality) // 2
 
 
+def _as_source(problem: Problem, sight: Sight, direct: Array, element: Array, quality: Quality, labour: Labour) -> tuple[Source, Array] | None:
+    """The elements that may be spots, (k,), as a source of no more patches than there is room for, and which elements each of its own is of.
+
+    What is small, bright and loose, as leaves about a lamp are, makes a patch each. Of too many those stay that send most; and none do if they
+    bring too little alone: so many little ones rays tell well enough of.
+    """
+    numbers = problem.elements.numbers
+    points, most = spot_points(numbers.shape[1], quality), most_spot_rows(numbers.shape[1], quality)
+    while len(element):
+        source, origin = shining_source([numbers[:, element]], points, quality.light_resolution, problem.rays.scene, labour)
+        count = len(source.tree.patches)
+        if count <= most:
+            return source, element[origin].astype(np.int32)
+        light, kept = _sent(problem, direct), len(element) * most // count
+        points = max(1, points * kept // len(element))  # each as large as before: what stays is not cut finer
+        power = light[element].sum(1, dtype=np.float64) * numbers[AREA, element]
+        element = np.sort(element[np.argsort(-power, kind="stable")[:kept]])
+        if len(element) and not _enough(element, light, _received(sight, light, labour), numbers[AREA].astype(np.float64), sight, labour):
+            break
+    return None
+
+
 def find_spots(problem: Problem, sight: Sight, direct: Array, quality: Quality, labour: Labour) -> Spots | None:
     """The spots of a scene that lights give so much `direct` light (3, n), and their rows; None if there are none."""
-    numbers = problem.elements.numbers
-    points = spot_points(numbers.shape[1], quality)
-    if not points:
+    if not spot_points(problem.elements.numbers.shape[1], quality):
         return None
-    element = _found(problem, sight, direct, labour)
-    if not len(element):
+    found = _as_source(problem, sight, direct, _found(problem, sight, direct, labour), quality, labour)
+    if found is None:
         return None
-    source, origin = shining_source([numbers[:, element]], points, quality.light_resolution, problem.rays.scene, labour)
+    source, element = found
     count = len(source.tree.patches)
     rows = complete(problem, source, Rows(count, problem.own.numbers.shape[1], count, labour.empty), labour)
-    return Spots(element[origin].astype(np.int32), source.numbers[AREA], patch_starts(source.tree), rows.rows, rows.touched)
+    return Spots(element, source.numbers[AREA], patch_starts(source.tree), rows.rows, rows.touched)
