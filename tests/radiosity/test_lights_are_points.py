@@ -150,6 +150,21 @@ def test_what_lies_on_an_element_leaves_the_rest(covered, open_):
     assert cropped[FREE] == (1 << SAMPLES) - 1
 
 
+def test_elements_are_looked_at_some_at_a_time(monkeypatch):
+    """Who interrupts it waits for some of them; what is found is the same."""
+    corners = np.random.default_rng(2).random((300, 1, 3)) + np.random.default_rng(3).normal(size=(300, 3, 3)) * 0.05
+    positions, triangles = corners.reshape(-1, 3).astype(np.float32), np.arange(900, dtype=np.int32).reshape(-1, 3)
+    numbers = np.zeros((17, 300), np.float32)
+    numbers[PX : PX + 3], numbers[GX + 2], numbers[AREA], numbers[UX], numbers[VX + 1] = corners.mean(1).T, 1, 0.01, 0.1, 0.1
+    charts, found = np.arange(300, dtype=np.int32), []
+    for some in (1 << 16, 64):
+        monkeypatch.setattr(element, "_AT_ONCE", some)
+        found.append(numbers.copy())
+        find_free(prepare(positions, triangles), charts, charts, found[-1], 2)
+    assert len(np.unique(found[0][FREE])) > 10
+    np.testing.assert_array_equal(*found)
+
+
 @pytest.mark.parametrize("given", [(0.0, False), (0.7, True), (1.0, False)])
 def test_elements_that_are_open_or_wholly_covered_stay_as_they_are(given):
     same = lying(*given)

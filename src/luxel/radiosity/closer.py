@@ -25,7 +25,7 @@ from luxel.radiosity.sky import TOGETHER, cells
 _F = np.float32
 _SIDE = 2  # parts along a side of a cell
 _PARTS = _SIDE * _SIDE
-_AT_ONCE = 1 << 16  # elements
+_AT_ONCE = 1 << 14  # elements; a few seconds where all look closer and see nothing alike: who interrupts waits so long
 _FEW = _F(1 / 16)  # of the cells: who sees by fewer, behind a skirting board, say, is dark, and not as bright as what a stray ray meets
 
 

@@ -27,7 +27,7 @@ LIFT = np.float32(0.025)
 """Of an element's side: how high above the surface its samples are."""
 
 _ROOF = np.float32(0.1)  # of an element's side: what is so near above it lies on it, and lets no light in below
-_CHUNK = 512
+_CHUNK, _AT_ONCE = 512, 1 << 16
 _QUARTER = 0b110011  # two samples of a row, and two below
 _STRIDE = 7  # from sample to sample, so that those that follow each other are apart
 _F, _HALF, _STEP = np.float32, np.float32(0.5), np.float32(1 / _SIDE)
@@ -151,11 +151,11 @@ def _crop(scene, charts, own, numbers, i):
 
 
 @jit.parallel_kernel
-def _find_free(queue, scene, charts, chart, numbers):
+def _find_free(queue, scene, charts, chart, numbers, begin, end):
     scene, charts, chart, numbers = jit.borrow(scene), jit.borrow(charts), jit.borrow(chart), jit.borrow(numbers)
     chunk = jit.take(queue)
-    while chunk * _CHUNK < numbers.shape[1]:
-        for i in range(chunk * _CHUNK, min(numbers.shape[1], (chunk + 1) * _CHUNK)):
+    while begin + chunk * _CHUNK < end:
+        for i in range(begin + chunk * _CHUNK, min(end, begin + (chunk + 1) * _CHUNK)):
             if _roofed(scene, charts, chart[i], numbers, i, SAMPLES):
                 _crop(scene, charts, chart[i], numbers, i)
             mx, my, mz = point_of(numbers, i, SAMPLES, LIFT)
@@ -185,4 +185,6 @@ def find_free(scene: Occlusion, charts: Array, chart: Array, numbers: Array, thr
         chart: (n,) int32: of each element.
         numbers: (17, n) float32, changed.
     """
-    jit.run(_find_free, threads, scene, charts, chart, numbers)
+    count = numbers.shape[1]
+    for begin in range(0, count, _AT_ONCE):  # whoever interrupts this need not wait for all of them
+        jit.run(_find_free, threads, scene, charts, chart, numbers, begin, min(count, begin + _AT_ONCE))

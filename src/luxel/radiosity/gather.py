@@ -35,7 +35,7 @@ NOWHERE, BACK, LOST = -1, -2, -3
 behind it, where a surface bends or under something that stands on it."""
 
 _CHUNK = 32
-_RAYS_AT_ONCE = 1 << 22
+_RAYS_AT_ONCE, _MOST_RAYS = 1 << 19, 1 << 22  # of each thread, of all: some seconds where neighbours see nothing alike; who interrupts waits so long
 _BORDER = 2  # texels
 _FEW = 16  # hardly any: less than one of so many
 _BESIDE = 4.0  # squared, in sides of a luxel: how far from it what it stands for may lie
@@ -209,15 +209,15 @@ class View(NamedTuple):
         """Fill `hits` (k, rays) int32: what elements first .. last - 1 see along `directions` (rays, 3) float32 of their frames."""
         jit.run(_look, threads, self.scene, self.numbers, self.frames(first, last), directions, np.float32(self.reach), self.lookup, first, hits)
 
-    def chunks(self, rays: int) -> Iterator[tuple[int, int]]:
+    def chunks(self, rays: int, threads: int) -> Iterator[tuple[int, int]]:
         """First and last + 1 of elements that look at a time."""
-        n, step = self.numbers.shape[1], max(1, _RAYS_AT_ONCE // (WIDTH * rays)) * WIDTH
+        n, step = self.numbers.shape[1], max(1, min(threads * _RAYS_AT_ONCE, _MOST_RAYS) // (WIDTH * rays)) * WIDTH
         return pairwise([*range(0, n, step), n])
 
     def look_anew(self, rays: int, threads: int) -> Iterator[tuple[slice, Array]]:
         """Some elements after the other, and what `rays` of each meet, (k, rays) int32."""
         directions = cosine_directions(rays).astype(np.float32)
-        for first, last in self.chunks(rays):
+        for first, last in self.chunks(rays, threads):
             hits = np.empty((last - first, rays), np.int32)
             self.look(directions, first, last, hits, threads)
             yield slice(first, last), hits
@@ -368,7 +368,7 @@ def see_around(view: View, rays: int, threads: int, told: Callable[[float], None
     """Let all elements look around; `told` hears which share of them has."""
     directions, area = cosine_directions(rays).astype(np.float32), view.numbers[AREA]
     hits, away, blind = np.empty((len(area), rays), np.int32), np.empty(len(area)), np.empty(len(area), np.bool_)
-    for first, last in view.chunks(rays):
+    for first, last in view.chunks(rays, threads):
         view.look(directions, first, last, hits[first:last], threads)
         jit.run(_count, threads, hits[first:last], area[first:last], away[first:last], blind[first:last])
         told(last / len(area))

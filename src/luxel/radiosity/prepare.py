@@ -39,6 +39,9 @@ _FEW_VALID = 0.5
 _FINEST = 0.02
 """Of a luxel's side: what positions may be rounded by."""
 
+_MANY_LIGHTS = 10
+"""Times the points from which lights are to shoot: more are worth a word."""
+
 _LAYING = "laying out the lightmap"
 
 
@@ -132,8 +135,18 @@ def prepare(atlas: Atlas, settings: Quality, check: Callable[[float, int], None]
     clock.lap("inside")
     tell(0.0, "cutting patches")
     pieces = cut(luxels, sides, geometry, atlas.chart, valid, two_sided, masks, glowing_table(atlas.scene), rays, settings, labour)
+    if labour.team.leads:
+        _tell_of_lights(pieces, settings)
     clock.lap("patches")
     return Prepared(atlas, luxels, geometry, valid, pieces, rays, two_sided, reach)
+
+
+def _tell_of_lights(pieces: Cut, settings: Quality) -> None:
+    """Warn if what glows falls to very many pieces."""
+    lights = pieces.problem.lights
+    if lights is not None and len(lights.tree.patches) > _MANY_LIGHTS * settings.light_points:
+        word = f"{len(lights.tree.patches):,} small surfaces glow apart from each other, and each shoots its light for itself"
+        warnings.warn(f"{word}: that takes long", LuxelWarning, stacklevel=4)
 
 
 def _tell_of_distance(positions: Array, luxels: Luxels) -> None:
@@ -158,9 +171,11 @@ def _move_out(luxels: Luxels, sides: tuple[Array, Array], rays: Occlusion, two_s
         place, share = free_places(rays, two_sided, luxels.position[which], luxels.face_normal[which], u, v, reach, labour.threads)
         return np.concatenate([place.T, share[None]])
 
-    order = np.argsort(luxels.chart, kind="stable")  # neighbours together
     valid = luxels.two_sided.copy()
-    valid[order] |= labour.each(len(order), backs) <= MOST_BACKS
+    asked = np.flatnonzero(~valid)
+    order = asked[np.argsort(luxels.chart[asked], kind="stable")]  # neighbours together
+    if len(order):
+        valid[order] = labour.each(len(order), backs) <= MOST_BACKS
     hidden = order[~valid[order]]
     if len(hidden):
         *place, share = labour.each(len(hidden), free)
