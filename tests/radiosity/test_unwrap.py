@@ -165,6 +165,17 @@ def test_too_many_pieces_to_chart_are_told(monkeypatch):
     assert (counts[150:] > 20).all()
 
 
+def test_very_many_tiny_pieces_are_told():
+    """And laid out in as much room as they need, a texel and its gutter each."""
+    count = pieces.MOST_CHARTED + 5_000
+    with pytest.warns(LuxelWarning, match="45,000 separate pieces are smaller than a texel: each gets one luxel, whatever the density"):
+        atlas = unwrap(Scene.from_mesh(soup(count, 0.001)), 8.0, page=256)
+    found = check_sound(atlas)
+    assert found.charts == found.luxels == found.small == count
+    assert atlas.pages == -(-count // (258 // 3) ** 2)
+    assert "45,000 smaller than a texel, 100.00% of the surface" in found.text()
+
+
 def test_triangles_without_an_area_go_with_their_neighbours():
     mesh = quad(1, 1)
     corners = np.concatenate([mesh.positions, [[0, 0.5, 0], [np.nan, 0, 0], [0.25, 0.5, 1e-9]]])
@@ -322,6 +333,21 @@ def test_the_time_of_shooters_is_told_as_roughly(quality, luxels, triangles, sky
     """As measured on two cores, without the layout, which a dry run has just made: processor time by two."""
     said = estimate(luxels, triangles, *effort(QUALITIES[quality], sky, glows))[1]
     assert seconds / 2.5 < said < seconds * 2.5
+
+
+@pytest.mark.parametrize(("luxels", "triangles", "loose", "seconds"), [(124_600, 20_012, 40_000, 2.8), (284_600, 100_012, 200_000, 25.0)])
+def test_the_time_of_tiny_pieces_is_told_as_roughly(luxels, triangles, loose, seconds):
+    """As measured on two cores: processor time by two. Confetti in a room, as a draft."""
+    said = estimate(luxels, triangles, *effort(QUALITIES["draft"], False, False), loose)[1]
+    assert seconds / 2.5 < said < seconds * 2.5
+
+
+def test_tiny_pieces_take_longer_than_as_many_luxels_of_walls():
+    scene = Scene.from_mesh(soup(1000, 0.01))
+    found = diagnose(unwrap(scene, 8.0))
+    assert found.small == found.luxels == found.sides == 1000
+    assert found.seconds == pytest.approx(estimate(1000, 1000, loose=1000)[1])
+    assert found.seconds > 1.2 * estimate(1000, 1000)[1]
 
 
 def test_a_dry_run_has_just_seen_how_long_the_layout_takes():

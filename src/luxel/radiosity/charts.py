@@ -15,7 +15,7 @@ import numpy as np
 from luxel.arrays import Array
 from luxel.errors import LuxelWarning
 from luxel.radiosity.packing import Flat, Sheet, Wishes, pack
-from luxel.radiosity.pieces import Pieces, Surface, areas, find_pieces, least_extent
+from luxel.radiosity.pieces import MOST_CHARTED, Pieces, Surface, areas, find_pieces, least_extent
 
 # xatlas's time grows faster than a curved chart's number of triangles: a quarter of its default cost of growing, and charts of a few thousand
 # triangles, are ten times as fast on dense meshes, and distort less. Flat charts may have any number.
@@ -58,10 +58,7 @@ def chart_surfaces(surfaces: list[Surface], page: int, gutter: int,
     """
     pieces = [find_pieces(surface) for surface in surfaces]
     least = least_extent(pieces)
-    if least > 1.0:
-        count = sum(np.count_nonzero(p.extent <= least) for p in pieces)
-        text = f"{count} separate pieces smaller than {least:.3g} texels get one luxel each: there are too many to chart; take fewer texels per metre"
-        warnings.warn(text, LuxelWarning, stacklevel=3)
+    _tell_of_small(pieces, least)
     charted = [p.sound & (p.extent > least)[p.piece] for p in pieces]
     flats = iter(_packed(surfaces, charted, page, gutter, progress))
     made: list[Charted] = []
@@ -70,6 +67,17 @@ def chart_surfaces(surfaces: list[Surface], page: int, gutter: int,
         made.append(_laid(next(flats), surface, chosen, first, page) if chosen.any() else _nowhere(surface))
         first = max(first, int(made[-1].chart.max(initial=-1)) + 1)
     return _with_points(made, surfaces, pieces, least, page, gutter)
+
+
+def _tell_of_small(pieces: list[Pieces], least: float) -> None:
+    """Warn of very many pieces that get a luxel each."""
+    count = sum(np.count_nonzero(p.extent <= least) for p in pieces)
+    if least > 1.0:
+        why = f"smaller than {least:.3g} texels get one luxel each: there are too many to chart; take fewer texels per metre"
+    else:
+        why = "are smaller than a texel: each gets one luxel, whatever the density, and so many are slow to light"
+    if least > 1.0 or count > MOST_CHARTED:
+        warnings.warn(f"{count:,} separate pieces {why}", LuxelWarning, stacklevel=4)
 
 
 def _packed(surfaces: list[Surface], charted: list[Array], page: int, gutter: int, progress: Callable[[float], None] | None) -> list[Flat]:

@@ -38,6 +38,7 @@ _OWN, _CLOSER, _SKY = 30, 36, 64  # as many rays take what each luxel, looking c
 _GATHERED, _SKY_GATHERED = 0.45, 0.14  # and a ray that is not kept, and the sky's edges with it
 _PAIR = 0.8  # as many rays takes one between a luxel and a light that it asks for
 _SCATTER, _ALONE = 0.4, 2.0  # a triangle keeps neighbours from looking at the same, as so many luxels more; at most all luxels from all of theirs
+_LOOSE = 3.6  # and so does each side of a piece smaller than a texel, whose neighbours face all ways
 _WORK = float(_OWN + _RAYS + _CLOSER)  # of a bake of normal quality without a sky
 _ROW = 1.6e-4, 9e-9, 1.2e-9  # seconds to draw what a patch sees and find who gets how much: at least, for each luxel, and for each triangle
 _SHOT = 5e-10  # and for each luxel, to give it that
@@ -174,7 +175,8 @@ def diagnose(atlas: Atlas, threads: int | None = None, rays: int = _RAYS, work: 
     screen, surface = place_vertices(geometry.texcoords1, atlas.size, threads), areas(geometry.positions, geometry.triangles)
     page = triangle_pages(atlas, geometry)
     two_sided = two_sided_triangles(atlas.scene, geometry)
-    covered = twice = luxels = sides = contested = 0
+    small, share = _small(atlas, screen, geometry, surface)
+    covered = twice = luxels = sides = loose = contested = 0
     gutter = MOST_GUTTER
     for number in range(atlas.pages):
         chosen = np.flatnonzero((page == number) & (surface > 0) & (atlas.chart >= 0)).astype(np.int32)
@@ -183,18 +185,19 @@ def diagnose(atlas: Atlas, threads: int | None = None, rays: int = _RAYS, work: 
         covered, twice = covered + counted[0], twice + counted[1]
         texels = draw_page(faces, screen, chart, surface[chosen], atlas.size, threads)
         luxels, contested = luxels + len(texels.place), contested + int(np.count_nonzero(texels.loser >= 0))
-        sides += len(texels.place) + int(np.count_nonzero(two_sided[chosen[texels.triangle]]))
+        faced = 1 + two_sided[chosen[texels.triangle]]
+        sides, loose = sides + int(faced.sum()), loose + int(faced[small[chart[texels.triangle]]].sum())
         gutter = min(gutter, least_gutter(texels, chart, atlas.size))
-    small, share = _small(atlas, screen, geometry, surface)
     beyond = np.abs(geometry.texcoords1 - np.float32(0.5)).max(1, initial=0) > 0.5 + _SLACK
     outside = int(np.count_nonzero(beyond[geometry.triangles].any(1) & (surface > 0)))
     charts, triangles = int(atlas.chart.max(initial=-1)) + 1, len(geometry.triangles)
-    memory, seconds = estimate(sides, triangles, rays, work, shooting, spots)
+    memory, seconds = estimate(sides, triangles, rays, work, shooting, spots, loose)
     if laid is not None:
         seconds += laid - triangles * _SECONDS_A_TRIANGLE
     return Diagnosis(
         triangles, charts, atlas.pages, atlas.size, atlas.reused, luxels, sides, luxels / (atlas.pages * atlas.size[0] * atlas.size[1]),
-        density_of(atlas, geometry, surface), twice / max(covered, 1), outside, small, share, contested, gutter, memory, seconds, free_bytes(),
+        density_of(atlas, geometry, surface), twice / max(covered, 1), outside, int(np.count_nonzero(small)), share, contested, gutter, memory,
+        seconds, free_bytes(),
     )  # fmt: skip
 
 
@@ -204,7 +207,7 @@ def work_of(rays: int, gathered: int, closer: bool, sky: bool) -> float:
 
 
 def estimate(luxels: int, triangles: int, rays: int = _RAYS, work: float = _WORK, shooting: Shooting | None = None,
-             spots: int = 0) -> tuple[int, float]:  # fmt: skip
+             spots: int = 0, loose: int = 0) -> tuple[int, float]:  # fmt: skip
     """Bytes, and seconds on two cores, that a bake will take if each luxel keeps what so many rays meet, and does so much `work_of`.
 
     The time is rough, within a factor of two in rooms: what a ray costs depends on what it meets.
@@ -212,10 +215,11 @@ def estimate(luxels: int, triangles: int, rays: int = _RAYS, work: float = _WORK
     Args:
         shooting: What shoots, but for lights that draw hemicubes for luxels that look around: those few are in `work`.
         spots: So many points shoot what spots send on, if there are any: their rows count, their time does not.
+        loose: Of the luxels, those of pieces smaller than a texel.
     """
     memory = _BYTES_AT_LEAST + luxels * (_BYTES_A_LUXEL + _BYTES_A_RAY * rays) + triangles * _BYTES_A_TRIANGLE
     memory += int(_ROWS_A_SPOT * min(2 * spots * luxels, ROW_BYTES))
-    looks = (luxels + min(_SCATTER * triangles, _ALONE * luxels)) * np.log2(triangles + 2.0)
+    looks = (luxels + max(min(_SCATTER * triangles, _ALONE * luxels), _LOOSE * loose)) * np.log2(triangles + 2.0)
     shot = 0.0 if shooting is None else shooting.seconds(luxels, triangles)
     return int(memory), float(_SECONDS_AT_LEAST + triangles * _SECONDS_A_TRIANGLE + looks * work * _SECONDS_A_RAY + shot)
 
@@ -272,13 +276,13 @@ def least_gutter(texels: Texels, chart: Array, size: tuple[int, int]) -> int:
     return MOST_GUTTER
 
 
-def _small(atlas: Atlas, screen: Array, geometry: Geometry, surface: Array) -> tuple[int, float]:
-    """Charts with less than a texel, and the share of the surface in them or in no chart."""
+def _small(atlas: Atlas, screen: Array, geometry: Geometry, surface: Array) -> tuple[Array, float]:
+    """(charts,) bool: those with less than a texel; and the share of the surface in them or in no chart."""
     count, known = int(atlas.chart.max(initial=-1)) + 1, atlas.chart >= 0
     texels = np.bincount(atlas.chart[known], np.abs(area2(screen, geometry.triangles[known])) / (2 * SUBPIXEL**2), count)
     own = np.bincount(atlas.chart[known], surface[known], count)
     small = (texels < 1 - _SLACK) & (own > 0)
-    return int(np.count_nonzero(small)), float((own[small].sum() + surface[~known].sum()) / max(surface.sum(), 1e-300))
+    return small, float((own[small].sum() + surface[~known].sum()) / max(surface.sum(), 1e-300))
 
 
 def _spell(seconds: float) -> str:
