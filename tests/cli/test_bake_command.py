@@ -15,7 +15,7 @@ import pytest
 import luxel
 from luxel.cli import main
 from luxel.cli.console import _Bar
-from luxel.cli.watch import Watch, shares, stages
+from luxel.cli.watch import Doing, Watch, shares, stages
 from luxel.io.images import read_image, write_exr, write_png
 from luxel.scene import Light
 from luxel.scene.builtin import cornell_box
@@ -260,13 +260,15 @@ def test_the_bar_is_not_full_before_the_end(box, quality):
 
 
 def test_the_layout_shows_how_long_it_takes(monkeypatch):
-    now, shown = [100.0], []
+    now, shown, labels = [100.0], [], []
     monkeypatch.setattr("luxel.cli.watch.time", SimpleNamespace(monotonic=lambda: now[0]))
-    told = stages(lambda share, label: shown.append((share, label)))
+    told = stages(lambda share, label: (shown.append((share, str(label))), labels.append(label)))
     for passed, share, doing in ((0, 0.0, "laying out"), (7, 0.5, "laying out"), (2, 0.0, "finding luxels"), (3, 0.0, "finding luxels")):
         now[0] += passed
         told(share, doing)
     assert shown == [(0.0, "laying out, 0 s"), (0.5, "laying out, 7 s"), (0.0, "finding luxels, 0 s"), (0.0, "finding luxels, 3 s")]
+    now[0] += 50
+    assert str(labels[-1]) == "finding luxels, 53 s"  # it goes on where nothing more is told
 
 
 def test_a_bar_begins_anew_with_another_part_of_the_work(monkeypatch):
@@ -280,6 +282,10 @@ def test_a_bar_begins_anew_with_another_part_of_the_work(monkeypatch):
         task = bar.progress.tasks[0]
         assert (task.completed, task.description) == (0.1, "shooting")
         assert len(task._progress) <= 1  # samples of the pace
+        doing = Doing("cutting patches")
+        bar.report(0.2, doing)
+        doing.since -= 50
+        assert bar.progress.columns[0](task).plain == "cutting patches, 50 s"  # as it is when it is shown
     finally:
         bar.close()
 

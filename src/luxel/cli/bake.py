@@ -182,14 +182,15 @@ def _bake(console: Console, comm: Comm, file: Path, wishes: Wishes, preview: Pat
         console.note(f"nothing to resume: there is no {state}; the bake starts anew")
     try:
         with console.work("baking") as report:
+            told = stages(report)
             watch = Watch(report, preview, options["tolerance"] or 1e-3, shares(options), partial(check_room, wishes, options))
             compile_first(comm, lambda: _bake_little(options) if file.exists() else None)
-            baked = bake(file, progress=watch, preparing=stages(report), comm=comm, **options)
+            baked = bake(file, progress=watch, preparing=told, comm=comm, **options)
             shaded = shade(baked, wishes, comm, options["threads"])
             ranks = shares_of(comm)
             if comm.rank:
                 return
-            report(1.0, "writing")
+            told(1.0, "writing")
             shown = lit(baked, wishes, shaded)
             written = save(shown, baked, wishes)
             if preview is not None:

@@ -67,12 +67,13 @@ class Console:
 
 class _Bar:
     def __init__(self, label: str, shown: bool) -> None:
-        self.label, self.shown, self.start = label, shown, time.monotonic()
+        self.label: Any = label  # its text is asked for each time it is shown
+        self.shown, self.start = shown, time.monotonic()
         self.done = 0.0
         self.progress: Any = None
         self.task: Any = None
 
-    def report(self, done: float, label: str | None = None) -> None:
+    def report(self, done: float, label: Any = None) -> None:
         self.label = label or self.label
         if not self.shown or (self.progress is None and time.monotonic() - self.start < PATIENCE):
             return

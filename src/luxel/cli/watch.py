@@ -17,15 +17,25 @@ _REDRAW = 12  # a preview may take a part of the time like this
 _PASSING = 0.15  # of the time: lights shoot, and light goes from luxel to luxel
 
 
+class Doing:
+    """A label that has how long it has been, up to when it is shown: what is told once and takes minutes does not look stuck."""
+
+    def __init__(self, what: str) -> None:
+        self.what, self.since = what, time.monotonic()
+
+    def __str__(self) -> str:
+        return f"{self.what}, {time.monotonic() - self.since:.0f} s"
+
+
 def stages(report: Callable[..., None]) -> Callable[[float, str], None]:
     """What to tell what is being done before there is light; the label has how long it has been, as its share is guessed, or not known."""
-    doing, since = "", 0.0
+    doing = Doing("")
 
     def told(share: float, what: str) -> None:
-        nonlocal doing, since
-        if what != doing:
-            doing, since = what, time.monotonic()
-        report(share, f"{what}, {time.monotonic() - since:.0f} s")
+        nonlocal doing
+        if what != doing.what:
+            doing = Doing(what)
+        report(share, doing)
 
     return told
 
