@@ -38,7 +38,7 @@ _OWN, _CLOSER, _SKY = 30, 36, 64  # as many rays take what each luxel, looking c
 _GATHERED, _SKY_GATHERED = 0.45, 0.14  # and a ray that is not kept, and the sky's edges with it
 _PAIR = 0.8  # as many rays takes one between a luxel and a light that it asks for
 _SCATTER, _ALONE = 0.4, 2.0  # a triangle keeps neighbours from looking at the same, as so many luxels more; at most all luxels from all of theirs
-_LOOSE = 3.6  # and so does each side of a piece smaller than a texel, whose neighbours face all ways
+_LOOSE = 8.0  # and each side of a piece smaller than a texel from so many, where all are such: neighbours face all ways, and look closer everywhere
 _WORK = float(_OWN + _RAYS + _CLOSER)  # of a bake of normal quality without a sky
 _ROW = 1.6e-4, 9e-9, 1.2e-9  # seconds to draw what a patch sees and find who gets how much: at least, for each luxel, and for each triangle
 _SHOT = 5e-10  # and for each luxel, to give it that
@@ -219,7 +219,8 @@ def estimate(luxels: int, triangles: int, rays: int = _RAYS, work: float = _WORK
     """
     memory = _BYTES_AT_LEAST + luxels * (_BYTES_A_LUXEL + _BYTES_A_RAY * rays) + triangles * _BYTES_A_TRIANGLE
     memory += int(_ROWS_A_SPOT * min(2 * spots * luxels, ROW_BYTES))
-    looks = (luxels + max(min(_SCATTER * triangles, _ALONE * luxels), _LOOSE * loose)) * np.log2(triangles + 2.0)
+    alone = max(min(_SCATTER * triangles, _ALONE * luxels), _LOOSE * loose * loose / max(luxels, 1))
+    looks = (luxels + alone) * np.log2(triangles + 2.0)
     shot = 0.0 if shooting is None else shooting.seconds(luxels, triangles)
     return int(memory), float(_SECONDS_AT_LEAST + triangles * _SECONDS_A_TRIANGLE + looks * work * _SECONDS_A_RAY + shot)
 
