@@ -1,4 +1,4 @@
-"""luxel's bake beside the radiosity paper, Mitsuba and Blender's Cycles: speed, truth, time to equal error, relighting, and how it grows.
+"""luxel's bake beside the radiosity paper, Mitsuba and Blender's Cycles: speed, truth, time to equal error, relighting, growth, and a million charts.
 
     python benchmarks/bake.py                     # print all
     python benchmarks/bake.py --write             # and put the tables into RESULTS.md
@@ -20,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
+import confetti
 import luxel
 import memory
 from blender import Cycles
@@ -34,7 +35,7 @@ QUALITIES = ("progressive", "draft", "normal", "final")
 PAPER = {"room-simple": (4.0, 2.0), "room-complex": (139.0, 79.0)}  # seconds on its CPU and its GPU
 ROOMS = tuple(PAPER)
 STAGES = ("unwrap", "luxels", "inside", "patches", "solve", "gather")
-PARTS = ("rooms", "truth", "peers", "relight", "scale")
+PARTS = ("rooms", "truth", "peers", "relight", "scale", "charts")
 
 
 @dataclass(frozen=True)
@@ -321,10 +322,40 @@ def scale_table(pages: list[int]) -> str:
     return f"{table(head, rows)}\n\n{note}"
 
 
+_LOOSE = """
+sys.path.insert(0, sys.argv[1])
+from confetti import measured
+print(json.dumps({**measured(int(sys.argv[2])), "peak": peak()}))
+"""
+
+
+def charts_table(count: int) -> str:
+    """Rooms full of confetti, up to so many triangles, each in a process of its own."""
+    rows = []
+    for triangles in (count // 100, count // 10, count):
+        got = memory.run(_LOOSE, Path(__file__).parent, triangles)
+        times = [f"{got[name]:.1f}" for name in ("laid", "whole", "worked", "said")]
+        bytes_ = [f"{got[name] / 1e6:,.0f}" for name in ("peak", "bytes")]
+        light = [f"{got['direct'] - 1:+.1%}", f"{got['absorbed'] - 1:+.1%}", "yes" if got["finite"] else "no"]
+        rows.append([f"{triangles:,}", f"{got['charts']:,}", f"{got['luxels']:,}", f"{got['pages']}", *times, *bytes_, *light])
+        print("  ".join(rows[-1]), flush=True)
+    head = ["triangles", "charts", "luxels", "pages", "to lay out, s", "all, s", "processor, s", "said before, s", "peak, MB", "said before, MB",
+            "the lamp's light", "absorbed", "finite, none below 0"]  # fmt: skip
+    note = (
+        f"Quality `draft`, {confetti.DENSITY:g} luxels a metre, 2 threads, with the pages: loose two-sided triangles, {100 * confetti.EDGE:g} cm "
+        f"wide, anywhere in a room of {' x '.join(f'{side:g}' for side in confetti.ROOM)} m, facing anywhere, each with one luxel (two sides), about "
+        f"a point light. The lamp's light on those {confetti.NEAR:g} to {confetti.FAR:g} m from it is beside what Beer and Lambert's law gives, and "
+        "what is absorbed beside what the lamp gives: both are known on the mean only, and a few triangles within centimetres of the lamp hide a per "
+        "cent or two of its light more or less. On two cores that nobody shares all takes half of the processor's time."
+    )
+    return f"{table(head, rows)}\n\n{note}"
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("parts", nargs="*", help=f"of {', '.join(PARTS)}; all")
     parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--charts", type=int, default=1_000_000, metavar="N", help="loose triangles at most [1,000,000, which take minutes]")
     parser.add_argument("--quick", action="store_true", help="fewer paths, and no more than 1 M luxels")
     parser.add_argument("--keep", type=Path, help="folder for the path-traced references")
     parser.add_argument("--picture", action="store_true", help="draw the Cornell box's error into docs/gallery (minutes)")
@@ -342,6 +373,7 @@ def main() -> None:
         "peers": ("time to equal error", lambda: peers_table(closed(options.quick), options.keep, options.repeats)),
         "relight": ("relighting", lambda: relight_table(options.repeats)),
         "scale": ("growth", lambda: scale_table(pages)),
+        "charts": ("a million charts", lambda: charts_table(options.charts)),
     }
     for part in PARTS:
         if part in wanted:
