@@ -161,3 +161,37 @@ def test_a_two_sided_surface_that_was_dark_shines_on_both_sides_when_lit_anew():
     above, below = (light[side].T.astype(float) @ luxels.area[side] for side in (luxels.position[:, 1] > 0.1, luxels.position[:, 1] < -0.1))
     np.testing.assert_allclose(above, 1.0, rtol=0.03)
     np.testing.assert_allclose(below, 1.0, rtol=0.03)
+
+
+@pytest.mark.parametrize(("thickness", "density"), [(0.005, 3), (0.0005, 6), (0.02, 24)])
+def test_a_closed_two_sided_lamp_shines_as_a_one_sided_one(thickness, density):
+    """What shines inside is seen by nobody, and mixed up with nothing."""
+    low, high = (-0.5, -thickness / 2, -0.5), (0.5, thickness / 2, 0.5)
+    watts = []
+    for two_sided in (False, True):
+        scene = box(matte(0.0), (-2, -2, -2), (2, 2, 2))
+        box(matte(0.0, RADIANCE, double_sided=two_sided), low, high, scene, inward=False)
+        baked = bake(scene, density=density, quality="draft")
+        watts.append(received(baked))
+        np.testing.assert_allclose(baked.ledger[-1].emitted, watts[-1], rtol=1e-3)
+    np.testing.assert_allclose(watts[1], watts[0], rtol=1e-4)
+    np.testing.assert_allclose(watts[1], np.pi * RADIANCE * (2 + 4 * thickness), rtol=0.005)
+
+
+@pytest.mark.parametrize("gap", [0.0, 1e-4, 2e-3])
+@pytest.mark.parametrize("kind", ["two-sided", "back to back"])
+def test_a_two_sided_lamp_on_a_ceiling_lights_no_storey_above(kind, gap):
+    """The ceiling is without thickness, and the lamp in it or right below it."""
+    scene, place = Scene(), np.eye(4)
+    if kind == "two-sided":
+        box(matte(0.5), (-2, -2, -2), (2, 6, 2), scene)
+        scene.add(quad(4, 4), matte(0.5, double_sided=True), np.array([[1, 0, 0, 0], [0, 1, 0, 2], [0, 0, 1, 0], [0, 0, 0, 1.0]]))
+    else:
+        box(matte(0.5), (-2, -2, -2), (2, 2, 2), scene)
+        box(matte(0.5), (-2, 2, -2), (2, 6, 2), scene)
+    place[1, 3] = 2 - gap
+    scene.add(quad(1, 1), matte(0.5, RADIANCE, double_sided=True), place)
+    baked = bake(scene, density=4, quality="draft")
+    above, below = (baked.irradiance[side * (baked.luxels.position[:, 1] - 2) > 0.05].mean() for side in (1, -1))
+    assert above == 0
+    assert below > 0.5

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from luxel.arrays import Array
-from luxel.radiosity.element import AREA, GX, GZ, NX, NZ, PX, PZ, UX, UZ, VX, VZ, find_free, turned
+from luxel.radiosity.element import AREA, GX, GZ, LIFT, NX, NZ, PX, PZ, UX, UZ, VX, VZ, find_free, turned
 from luxel.radiosity.facets import Facets, facets_of, without
-from luxel.radiosity.inside import MOST_BACKS, free_places, seen_backs
+from luxel.radiosity.inside import MOST_BACKS, enclosed, free_places, seen_backs
 from luxel.radiosity.labour import Labour
 from luxel.radiosity.luxels import Luxels
-from luxel.radiosity.nearest import backed
+from luxel.radiosity.nearest import backed, covered
 from luxel.radiosity.occlusion import Masks, Occlusion, prepare
 from luxel.radiosity.patches import build_tree, connected
 from luxel.radiosity.quality import Quality
@@ -140,7 +140,11 @@ def cut(luxels: Luxels, sides: tuple[Array, Array], geometry: Geometry, charts: 
         found = facets_of(luxels, chosen, geometry, charts, glowing, quality.light_points, labour.threads)
         return _outside(found, luxels.two_sided[chosen], two_sided, 2.0 * diagonal, rays, labour)
 
-    lights, points = light_source(luxels, luxel, numbers, facets, rays, quality, labour)
+    def lost(backs: Array, whose: Array) -> Array:
+        shell = two_sided & np.isin(charts, luxels.chart[whose])
+        return labour.each(len(whose), lambda some: _lost(backs[:, some], luxels.chart[whose[some]], shell, charts, diagonal, rays, labour.threads))
+
+    lights, points = light_source(luxels, luxel, len(fronts), numbers, facets, lost, rays, quality, labour)
     exitance = luxels.emission[points.luxel] * points.share
     problem = Problem(
         elements, own, albedo, patches, lights, exitance, *points, occluders_of(geometry, two_sided, masks, rays, labour), _NEAR * diagonal,
@@ -154,6 +158,20 @@ def _free(rays: Occlusion, charts: Array, chart: Array, numbers: Array, threads:
     numbers = np.ascontiguousarray(numbers)
     find_free(rays, charts, chart, numbers, threads)
     return numbers
+
+
+def _lost(numbers: Array, chart: Array, shell: Array, charts: Array, diagonal: float, rays: Occlusion, threads: int) -> Array:
+    """(k,) bool: which backs of lamps shine on nothing but what lies on them, or the inside of the lamp: on nobody who has a lightmap.
+
+    Args:
+        numbers: (17, k) float32; `chart` (k,) int32 of each.
+        shell: (m,) bool: two-sided triangles that glow; `charts` (m,) int32.
+        diagonal: Of the scene, metres.
+    """
+    place, normal = (np.ascontiguousarray(numbers[row : row + 3].T) for row in (PX, GX))
+    above = np.maximum(LIFT * np.sqrt(numbers[AREA].astype(np.float64)), 2 * _NEAR * diagonal)
+    hidden = covered(rays, charts, np.ascontiguousarray(chart), place, normal, _NEAR * diagonal, above, threads)
+    return hidden | enclosed(rays, shell, place, normal, 2.0 * diagonal, threads)
 
 
 def _outside(facets: Facets, sided: Array, two_sided: Array, reach: float, rays: Occlusion, labour: Labour) -> Facets:

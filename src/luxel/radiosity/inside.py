@@ -81,6 +81,11 @@ def seen_backs(scene: Occlusion, two_sided: Array, position: Array, normal: Arra
     return share
 
 
+def enclosed(scene: Occlusion, shell: Array, position: Array, normal: Array, reach: float, threads: int) -> Array:
+    """(n,) bool: which points see nothing but backs of the triangles `shell`, (m,) bool; the others are as in `seen_backs`."""
+    return _backs(scene, ~shell, position, normal, cosine_directions(_ALL), reach, threads)[0] == _ALL
+
+
 def free_places(scene: Occlusion, two_sided: Array, position: Array, normal: Array, u: Array, v: Array, reach: float,
                 threads: int) -> tuple[Array, Array]:  # fmt: skip
     """Where luxels whose middle is inside a solid are not.

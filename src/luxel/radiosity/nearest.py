@@ -1,4 +1,4 @@
-"""Nearest: the first triangle a ray meets, and from which side: for statistics, where a ray lost in a crack between triangles is no harm.
+"""Nearest: the first triangle a ray meets, and from which side, and what lies on a surface: where a ray lost in a crack between triangles is no harm.
 
 Of two back to back in one place it is the one that faces the ray, as in `luxel.radiosity.packet`.
 """
@@ -67,6 +67,58 @@ def nearest(scene, ox, oy, oz, dx, dy, dz):
                 found, side, reach = np.int64(scene.triangle[item]), slope, at
         node += np.uint64(1)
     return found, side, reach
+
+
+@jit.part
+def _meets_other(scene, charts, own, ox, oy, oz, dx, dy, dz):
+    """Whether the segment from o by d meets a triangle of another chart than `own`, even one in the same place as one of its own."""
+    ix, iy, iz = 1.0 / dx, 1.0 / dy, 1.0 / dz
+    box, link, epsilon = scene.box, scene.link, scene.epsilon[0]
+    node, nodes = np.uint64(0), np.uint64(len(link))
+    while node < nodes:
+        x0, x1 = (box[node, 0] - ox) * ix, (box[node, 3] - ox) * ix
+        y0, y1 = (box[node, 1] - oy) * iy, (box[node, 4] - oy) * iy
+        z0, z1 = (box[node, 2] - oz) * iz, (box[node, 5] - oz) * iz
+        near = max(max(min(x0, x1), min(y0, y1)), max(min(z0, z1), 0.0))
+        far = min(min(max(x0, x1), max(y0, y1)), min(max(z0, z1), 1.0))
+        if near > far:
+            node = np.uint64(link[node, 0])
+            continue
+        leaf = link[node, 1]
+        for item in range(leaf >> 3, (leaf >> 3) + (leaf & 7)):
+            if charts[scene.triangle[item]] != own and _meets(scene.corners[item], ox, oy, oz, dx, dy, dz, epsilon)[0] < 1.0:
+                return True
+        node += np.uint64(1)
+    return False
+
+
+@jit.parallel_kernel
+def _find_covered(queue, scene, charts, chart, position, normal, below, above, result):
+    scene, charts, chart, position, normal = jit.borrow(scene), jit.borrow(charts), jit.borrow(chart), jit.borrow(position), jit.borrow(normal)
+    chunk = jit.take(queue)
+    while chunk * _CHUNK < len(position):
+        for i in range(chunk * _CHUNK, min(len(position), (chunk + 1) * _CHUNK)):
+            x, y, z = np.float64(position[i, 0]), np.float64(position[i, 1]), np.float64(position[i, 2])
+            nx, ny, nz = np.float64(normal[i, 0]), np.float64(normal[i, 1]), np.float64(normal[i, 2])
+            way = below + above[i]
+            ox, oy, oz = x - below * nx, y - below * ny, z - below * nz
+            result[i] = _meets_other(scene, charts, chart[i], ox, oy, oz, way * nx, way * ny, way * nz)
+        chunk = jit.take(queue)
+
+
+def covered(scene: Occlusion, charts: Array, chart: Array, position: Array, normal: Array, below: float, above: Array, threads: int) -> Array:
+    """(n,) bool: which points have a surface of another chart right above them, or in their own place.
+
+    Args:
+        charts: (m,) int32, of each triangle.
+        chart: (n,) int32, of each point.
+        position, normal: (n, 3) float32: points, and the unit normals of their surface.
+        below: Metres: what is so little below the surface is in its place.
+        above: (n,) float64, metres: what is so near above it lies on it.
+    """
+    result = np.zeros(len(position), np.bool_)
+    jit.run(_find_covered, threads, scene, charts, chart, position, normal, below, above, result)
+    return result
 
 
 @jit.part

@@ -7,6 +7,7 @@ is finer (`facets`). Both sides of a two-sided surface emit alike.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +18,7 @@ from luxel.radiosity.facets import Facets
 from luxel.radiosity.labour import Labour
 from luxel.radiosity.luxels import Luxels
 from luxel.radiosity.occlusion import Occlusion
-from luxel.radiosity.patches import Tree, build_tree
+from luxel.radiosity.patches import Tree, build_tree, connected
 from luxel.radiosity.quality import Quality
 from luxel.radiosity.rays import visible_to_all
 from luxel.radiosity.solve import Source, source_of
@@ -33,30 +34,34 @@ class Points(NamedTuple):
     share: Array
 
 
-def light_source(luxels: Luxels, luxel: Array, numbers: Array, facets: Callable[[Array], Facets], rays: Occlusion, quality: Quality,
-                 labour: Labour) -> tuple[Source | None, Points]:  # fmt: skip
+def light_source(luxels: Luxels, luxel: Array, fronts: int, numbers: Array, facets: Callable[[Array], Facets], lost: Callable[[Array, Array], Array],
+                 rays: Occlusion, quality: Quality, labour: Labour) -> tuple[Source | None, Points]:  # fmt: skip
     """What shines of a scene's elements, as a source, and the points of this; None and no points if it is dark.
 
     Args:
-        luxel: (e,) int32, of each element: fronts, and backs of two-sided luxels.
+        luxel: (e,) int32, of each element: so many `fronts`, and backs of two-sided luxels.
         numbers: (17, e) float32, of the elements.
         facets: Of some luxels, (k,) int32, ascending.
+        lost: From numbers (17, k) of backs and the luxel of each (k,) to (k,) bool: whose light nobody gets who has a lightmap.
         rays: All that hides.
     """
     shining = np.flatnonzero(luxels.emission[luxel].sum(1) > 0)
-    if not len(shining):
-        return None, Points(np.zeros(0, np.int32), np.zeros((0, 3), np.float32))
     glowing = np.unique(luxel[shining])
     made = facets(glowing)
     flat = shining[~made.bent[np.searchsorted(glowing, luxel[shining])]]
     sided = np.flatnonzero(luxels.two_sided[glowing[made.luxel]])
-    kinds = numbers[:, flat], np.concatenate([made.numbers, turned(made.numbers[:, sided])], 1)
-    behind = np.append(np.arange(len(made.luxel)), sided)  # the facet of each of these
-    points = Points(np.append(luxel[flat], glowing[made.luxel[behind]]), np.concatenate([np.ones((len(flat), 3), np.float32), made.share[behind]]))
-    once = luxels.area[glowing].sum(dtype=np.float64)
-    sides = max(1.0, float(sum(kind[AREA].sum(dtype=np.float64) for kind in kinds) / once))
+    both = np.append(np.arange(len(made.luxel)), sided)  # facets, and those with a back once more
+    whose, share = np.append(luxel[flat], glowing[made.luxel[both]]), np.concatenate([np.ones((len(flat), 3), np.float32), made.share[both]])
+    lamps = np.concatenate([numbers[:, flat], made.numbers, turned(made.numbers[:, sided])], 1)
+    back = np.flatnonzero(np.append(flat >= fronts, np.arange(len(both)) >= len(made.luxel)))
+    kept = np.delete(np.arange(len(whose)), back[lost(lamps[:, back], whose[back])] if len(back) else back)
+    if not len(kept):
+        return None, Points(np.zeros(0, np.int32), np.zeros((0, 3), np.float32))
+    lamps, whose, share, flats = lamps[:, kept], whose[kept], share[kept], int(np.count_nonzero(kept < len(flat)))
+    sides = max(1.0, float(lamps[AREA].sum(dtype=np.float64) / luxels.area[glowing].sum(dtype=np.float64)))
+    kinds = lamps[:, :flats], lamps[:, flats:]
     source, origin = shining_source(kinds, int(sides * quality.light_points), quality.light_resolution, rays, labour)
-    return source, Points(*(array[origin] for array in points))
+    return source, Points(whose[origin], share[origin])
 
 
 def shining_source(kinds: Sequence[Array], points: int, resolution: int, rays: Occlusion, labour: Labour) -> tuple[Source, Array]:
@@ -74,6 +79,7 @@ def shining_source(kinds: Sequence[Array], points: int, resolution: int, rays: O
     extent = np.full(fine.shape[1], side, np.float32)
     tree = build_tree(np.ascontiguousarray(fine[PX : PZ + 1].T), np.ascontiguousarray(fine[GX : GZ + 1].T), fine[AREA], extent)
     ordered = np.ascontiguousarray(fine[:, tree.order])
+    tree = connected(tree, ordered[PX : PZ + 1].T, ordered[GX : GZ + 1].T, partial(visible_to_all, rays, labour=labour))
     source = source_of(tree, ordered, resolution)
     scattered = source.shooters._replace(centers=_scattered(tree, ordered, rays, labour))
     return source._replace(shooters=scattered, shines=True), whole[tree.order]
