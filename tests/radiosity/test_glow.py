@@ -66,7 +66,7 @@ def received(baked, chosen=None):
 def test_a_quarter_of_a_lamp_gives_a_quarter_of_its_light(lamp, first, density):
     scene = Scene()
     scene.add(lamp, glowing(scene, stripe(first, first + 16)))
-    np.testing.assert_allclose(power(find_luxels(unwrap(scene, density))), np.pi * RADIANCE * area_of(lamp) / 4, rtol=0.02)
+    np.testing.assert_allclose(power(find_luxels(unwrap(scene, density))), np.pi * RADIANCE * area_of(lamp) / 4, rtol=0.005)
 
 
 @pytest.mark.parametrize("side", [5, 64, 700])
@@ -78,7 +78,7 @@ def test_what_a_picture_emits_is_its_mean(side, density):
     scene, lamp = Scene(), quad(0.3, 0.2)
     scene.add(lamp, glowing(scene, image))
     decoded = np.where(image <= 10, image / 255 / 12.92, ((image / 255 + 0.055) / 1.055) ** 2.4)
-    np.testing.assert_allclose(power(find_luxels(unwrap(scene, density))), np.pi * RADIANCE * 0.06 * decoded.mean((0, 1)), rtol=0.03)
+    np.testing.assert_allclose(power(find_luxels(unwrap(scene, density))), np.pi * RADIANCE * 0.06 * decoded.mean((0, 1)), rtol=0.01)
 
 
 def test_it_is_the_same_on_any_number_of_threads():
@@ -87,6 +87,17 @@ def test_it_is_the_same_on_any_number_of_threads():
     atlas = unwrap(scene, 20)
     one, two = (find_luxels(atlas, threads).emission for threads in (1, 2))
     assert one.tobytes() == two.tobytes()
+
+
+@pytest.mark.parametrize("density", [3, 5, 8, 12, 20])
+@pytest.mark.parametrize("textured", [False, True], ids=["even", "textured"])
+@pytest.mark.parametrize("lamp", [quad(0.4, 0.3), sphere(0.05, 24), quad(1, 0.7)], ids=["sign", "ball", "board"])
+def test_what_is_left_of_a_lamp_by_holes_shines(lamp, textured, density):
+    scene = Scene()
+    scene.textures.append(Texture(np.concatenate([stripe(0, 64), stripe(0, 16)[..., :1]], 2)))
+    holes = {"base_color_texture": TextureRef(0), "alpha_mode": "MASK", "alpha_cutoff": 0.5}
+    scene.add(lamp, matte(0.0, RADIANCE, emissive_texture=TextureRef(0) if textured else None, **holes))
+    np.testing.assert_allclose(power(find_luxels(unwrap(scene, density))), np.pi * RADIANCE * area_of(lamp) / 4, rtol=0.03)
 
 
 def test_holes_take_nothing_from_the_light_of_the_rest():
@@ -108,7 +119,7 @@ def test_a_lamp_of_a_luxel_lights_the_room_as_its_texture_says(first, density):
     scene, lamp = Scene(), quad(0.1, 0.06)
     part = received(bake(room(lamp, glowing(scene, stripe(first, first + 16)), scene), density=density))
     whole = received(bake(room(lamp, matte(0.0, RADIANCE), Scene()), density=density))
-    np.testing.assert_allclose(part, whole / 4, rtol=0.02)
+    np.testing.assert_allclose(part, whole / 4, rtol=0.005)
     np.testing.assert_allclose(part, np.pi * RADIANCE * area_of(lamp) / 4, rtol=0.03)  # luxels of 25 cm
 
 
@@ -193,5 +204,5 @@ def test_a_two_sided_lamp_on_a_ceiling_lights_no_storey_above(kind, gap):
     scene.add(quad(1, 1), matte(0.5, RADIANCE, double_sided=True), place)
     baked = bake(scene, density=4, quality="draft")
     above, below = (baked.irradiance[side * (baked.luxels.position[:, 1] - 2) > 0.05].mean() for side in (1, -1))
-    assert above == 0
     assert below > 0.5
+    assert above < 5e-4 * below  # as from a one-sided lamp

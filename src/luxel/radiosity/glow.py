@@ -1,6 +1,7 @@
-"""Glow: what a surface emits whose emissive texture changes within a luxel.
+"""Glow: what a surface emits whose textures change within a luxel.
 
-A lamp may be a luxel or less, and its texture say that a quarter of it shines. What a luxel emits is the mean over what of its triangles is in it.
+A lamp may be a luxel or less, and its texture say that a quarter of it shines, or is there at all. What a luxel emits, and how much of it is there,
+are means over what of its triangles is in it.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from luxel.radiosity.cuttings import Cuttings, cuttings_of
 from luxel.radiosity.texture_space import corners_at, cut_line, place_vertices
 from luxel.raster.constants import SUBPIXEL
 from luxel.raster.geometry import Geometry
-from luxel.raster.materials import EMISSIVE_SLOT, TEXTURE, MaterialTable, pack_materials
+from luxel.raster.materials import ALPHA_MASK, EMISSIVE_SLOT, TEXTURE, MaterialTable, pack_materials
 from luxel.scene.material import Material, Texture
 from luxel.scene.scene import Scene
 
@@ -26,16 +27,16 @@ if TYPE_CHECKING:
     from luxel.radiosity.luxels import Luxels
 
 _CORNERS, _FAN = 8, 6  # at most: corners of a triangle that is cut by four lines, and triangles of the fan that it is
-_MOST_SIDE = 22  # a triangle is looked up at so many squared places, at most
+_MOST_SIDE, _FEW_TEXELS = 128, 22  # a triangle is looked up at so many squared places, at most; so many texels are surely seen
 _SAMPLES = 1 << 21  # of all cuttings, about
 _AT_ONCE = 1 << 18
 _WIDE = 0.7  # of a parallelogram's sides, of which a triangle is half: what a sample is smoothed over
 
 
 def glowing_table(scene: Scene) -> MaterialTable | None:
-    """What materials emit, and where they are holes; None if none has a texture for what it emits."""
+    """What materials emit, and where they are holes; None if none has a texture for what it emits, or holes."""
     bare = [_bare(material) for material in scene.materials]
-    if not any(material.emissive_texture for material in bare):
+    if not any(material.emissive_texture or material.alpha_mode == "MASK" for material in bare):
         return None
     used = {ref.texture for material in bare for ref in (material.emissive_texture, material.base_color_texture) if ref}
     blank = Texture(np.zeros((1, 1, 4), np.uint8))
@@ -44,8 +45,8 @@ def glowing_table(scene: Scene) -> MaterialTable | None:
 
 
 def _smooth(texture: Texture) -> Texture:
-    """With mipmaps, unless its texels are to be seen."""
-    return texture if texture.filter == "nearest" else replace(texture, filter="trilinear")
+    """With mipmaps, unless its texels are to be seen and are so few that none is missed."""
+    return texture if texture.filter == "nearest" and max(texture.image.shape[:2]) <= _FEW_TEXELS else replace(texture, filter="trilinear")
 
 
 def _bare(material: Material) -> Material:
@@ -60,13 +61,13 @@ def _bare(material: Material) -> Material:
 
 
 def textured(table: MaterialTable, geometry: Geometry) -> Array:
-    """(m,) bool: which triangles have an emissive texture."""
-    has = table.ints[:, TEXTURE + EMISSIVE_SLOT] >= 0
+    """(m,) bool: which triangles glow and have an emissive texture, or holes."""
+    has = (table.ints[:, TEXTURE + EMISSIVE_SLOT] >= 0) | (table.flags & ALPHA_MASK != 0)
     return np.repeat(has[geometry.part_material], np.diff(geometry.part_start))
 
 
-def mean_emission(luxels: Luxels, geometry: Geometry, charts: Array, table: MaterialTable, threads: int) -> Array:
-    """(n, 3) float32, W/m2: the luxels' emission, the mean over each where a texture tells it.
+def glow_of(luxels: Luxels, geometry: Geometry, charts: Array, table: MaterialTable, threads: int) -> tuple[Array, Array, Array]:
+    """Luxels that textures tell the light of, (k,) int32, their mean emission, (k, 3) float32, W/m2, and how much of each holes leave, (k,) float32.
 
     Args:
         geometry: m triangles, with lightmap coordinates.
@@ -77,11 +78,13 @@ def mean_emission(luxels: Luxels, geometry: Geometry, charts: Array, table: Mate
     glowing = np.zeros(int(charts.max(initial=-1)) + 1, np.bool_)
     glowing[charts[candidates]] = True
     chosen = np.flatnonzero(glowing[luxels.chart]).astype(np.int32)
-    emission = luxels.emission.copy()
-    if len(chosen):
-        parts = cuttings_of(luxels, chosen, geometry, charts, candidates, threads)
-        emission[chosen] = means(*emission_of(parts, luxels, chosen, geometry, table, threads), parts.luxel, len(chosen))
-    return emission
+    if not len(chosen):
+        return chosen, np.zeros((0, 3), np.float32), np.zeros(0, np.float32)
+    parts = cuttings_of(luxels, chosen, geometry, charts, candidates, threads)
+    emission, solid = emission_of(parts, luxels, chosen, geometry, table, threads)
+    whole, left = (np.bincount(parts.luxel, area, len(chosen)) for area in (parts.area, solid))
+    share = np.divide(left, whole, out=np.zeros(len(chosen)), where=whole > 0).astype(np.float32)
+    return chosen, means(emission, solid, parts.luxel, len(chosen)), share
 
 
 def means(values: Array, weight: Array, group: Array, count: int) -> Array:

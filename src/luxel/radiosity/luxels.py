@@ -16,7 +16,7 @@ from luxel import jit
 from luxel.arrays import Array
 from luxel.errors import LuxelWarning
 from luxel.radiosity.appearance import LEAST_SHARE, appearance
-from luxel.radiosity.glow import glowing_table, mean_emission
+from luxel.radiosity.glow import glow_of, glowing_table
 from luxel.radiosity.pages import draw_page, triangle_pages
 from luxel.radiosity.pieces import areas
 from luxel.radiosity.texture_space import Texels, place_vertices
@@ -85,20 +85,22 @@ def find_luxels(atlas: Atlas, threads: int | None = None) -> Luxels:
     table = pack_materials(_plain(atlas.scene))
     gradients = texture_gradients(atlas, geometry)[texels.triangle]
     seen = appearance(geometry, table, texels.triangle, (texels.corner1, texels.corner2), texels.coverage, gradients, threads)
-    keep = seen.share >= LEAST_SHARE
-    place = texels.place
+    place, share = texels.place, seen.share
     texel = np.stack([page, place // atlas.size[0], place % atlas.size[0]], 1).astype(np.int32)
     sided = two_sided_triangles(atlas.scene, geometry)[texels.triangle]
     luxels = Luxels(
-        texel, seen.position, seen.normal, seen.face_normal, (area * seen.share).astype(np.float32), texels.coverage, seen.albedo, seen.emission,
-        texels.triangle, chart, sided, shape, contested, lost,
+        texel, seen.position, seen.normal, seen.face_normal, area, texels.coverage, seen.albedo, seen.emission, texels.triangle, chart, sided, shape,
+        contested, lost,
     )  # fmt: skip
+    glowing = glowing_table(atlas.scene)
+    if glowing is not None:
+        told, emission, left = glow_of(luxels, geometry, atlas.chart, glowing, threads)
+        luxels.emission[told], share[told] = emission, left
+    luxels = luxels._replace(area=(area * share).astype(np.float32))
+    keep = (share >= LEAST_SHARE) | ((share > 0) & luxels.emission.any(1))
     if not keep.all():
         per_luxel = {name: getattr(luxels, name)[keep] for name in Luxels._fields[:11]}
         luxels = luxels._replace(**per_luxel)
-    glowing = glowing_table(atlas.scene)
-    if glowing is not None:
-        luxels = luxels._replace(emission=mean_emission(luxels, geometry, atlas.chart, glowing, threads))
     _tell(luxels, atlas.scene, geometry)
     return luxels._replace(albedo=luxels.albedo.clip(0, np.float32(MOST_ALBEDO)), emission=luxels.emission.clip(0, None))
 
