@@ -204,7 +204,7 @@ def _tell_of_loss(state: State) -> None:
 
 
 def _tell_of_dark(lighting: Lighting) -> None:
-    """Warn if there is a sky and hardly any of its light comes in, nor others'."""
+    """Warn if there is a sky, and it and point lights light hardly anything, whatever glowing surfaces do."""
     if lighting.lamps.sky is not None:
         share = float(lighting.still.mean(dtype=np.float64)) / (np.pi * lighting.lamps.radiance)
         if share < _HARDLY:

@@ -86,7 +86,8 @@ class Transport:
         """Light the scene anew.
 
         Args:
-            emission: (n, 3) radiant exitance of each luxel, W/m2; None: as baked.
+            emission: (n, 3) radiant exitance of each luxel, W/m2; None: as baked. What was dark at the bake is no lamp: its light is only what the
+                rays of other luxels meet of it, which is coarse.
             albedo: (n, 3), each below 1; None: as baked.
             still: Factor for the light of what has no surface (point, spot and directional lights, the sky).
             tolerance: How much of the light may be missing when another pass from element to element would be needed.
