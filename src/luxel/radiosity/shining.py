@@ -45,7 +45,10 @@ def light_source(luxels: Luxels, luxel: Array, fronts: int, numbers: Array, face
         lost: From numbers (17, k) of backs and the luxel of each (k,) to (k,) bool: whose light nobody gets who has a lightmap.
         rays: All that hides.
     """
+    nothing = None, Points(np.zeros(0, np.int32), np.zeros((0, 3), np.float32))
     shining = np.flatnonzero(luxels.emission[luxel].sum(1) > 0)
+    if not len(shining):
+        return nothing
     glowing = np.unique(luxel[shining])
     made = facets(glowing)
     flat = shining[~made.bent[np.searchsorted(glowing, luxel[shining])]]
@@ -56,7 +59,7 @@ def light_source(luxels: Luxels, luxel: Array, fronts: int, numbers: Array, face
     back = np.flatnonzero(np.append(flat >= fronts, np.arange(len(both)) >= len(made.luxel)))
     kept = np.delete(np.arange(len(whose)), back[lost(lamps[:, back], whose[back])] if len(back) else back)
     if not len(kept):
-        return None, Points(np.zeros(0, np.int32), np.zeros((0, 3), np.float32))
+        return nothing
     lamps, whose, share, flats = lamps[:, kept], whose[kept], share[kept], int(np.count_nonzero(kept < len(flat)))
     sides = max(1.0, float(lamps[AREA].sum(dtype=np.float64) / luxels.area[glowing].sum(dtype=np.float64)))
     kinds = lamps[:, :flats], lamps[:, flats:]
