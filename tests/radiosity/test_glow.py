@@ -174,14 +174,15 @@ def test_a_two_sided_surface_that_was_dark_shines_on_both_sides_when_lit_anew():
     np.testing.assert_allclose(below, 1.0, rtol=0.03)
 
 
+@pytest.mark.parametrize("inward", [False, True])
 @pytest.mark.parametrize(("thickness", "density"), [(0.005, 3), (0.0005, 6), (0.02, 24)])
-def test_a_closed_two_sided_lamp_shines_as_a_one_sided_one(thickness, density):
+def test_a_closed_two_sided_lamp_shines_as_a_one_sided_one(thickness, density, inward):
     """What shines inside is seen by nobody, and mixed up with nothing."""
     low, high = (-0.5, -thickness / 2, -0.5), (0.5, thickness / 2, 0.5)
     watts = []
     for two_sided in (False, True):
         scene = box(matte(0.0), (-2, -2, -2), (2, 2, 2))
-        box(matte(0.0, RADIANCE, double_sided=two_sided), low, high, scene, inward=False)
+        box(matte(0.0, RADIANCE, double_sided=two_sided), low, high, scene, inward=two_sided and inward)
         baked = bake(scene, density=density, quality="draft")
         watts.append(received(baked))
         np.testing.assert_allclose(baked.ledger[-1].emitted, watts[-1], rtol=1e-3)
@@ -189,9 +190,9 @@ def test_a_closed_two_sided_lamp_shines_as_a_one_sided_one(thickness, density):
     np.testing.assert_allclose(watts[1], np.pi * RADIANCE * (2 + 4 * thickness), rtol=0.005)
 
 
-@pytest.mark.parametrize("gap", [0.0, 1e-4, 2e-3])
+@pytest.mark.parametrize(("gap", "up"), [(0.0, False), (1e-4, False), (1e-4, True), (2e-3, False)])
 @pytest.mark.parametrize("kind", ["two-sided", "back to back"])
-def test_a_two_sided_lamp_on_a_ceiling_lights_no_storey_above(kind, gap):
+def test_a_two_sided_lamp_on_a_ceiling_lights_no_storey_above(kind, gap, up):
     """The ceiling is without thickness, and the lamp in it or right below it."""
     scene, place = Scene(), np.eye(4)
     if kind == "two-sided":
@@ -201,8 +202,50 @@ def test_a_two_sided_lamp_on_a_ceiling_lights_no_storey_above(kind, gap):
         box(matte(0.5), (-2, -2, -2), (2, 2, 2), scene)
         box(matte(0.5), (-2, 2, -2), (2, 6, 2), scene)
     place[1, 3] = 2 - gap
+    place[1, 1] = place[2, 2] = -1 if up else 1
     scene.add(quad(1, 1), matte(0.5, RADIANCE, double_sided=True), place)
     baked = bake(scene, density=4, quality="draft")
     above, below = (baked.irradiance[side * (baked.luxels.position[:, 1] - 2) > 0.05].mean() for side in (1, -1))
     assert below > 0.5
     assert above < 5e-4 * below  # as from a one-sided lamp
+
+
+@pytest.mark.parametrize("outward", [False, True])
+@pytest.mark.parametrize("half", [0.25, 0.05])
+def test_what_is_small_in_a_glowing_shell_is_lit(half, outward):
+    """All around it is as bright."""
+    shell = sphere(1.0, 24)
+    if not outward:
+        shell = Mesh(shell.positions, np.ascontiguousarray(shell.triangles[:, ::-1]))
+    scene = box(matte(0.0), (-half,) * 3, (half,) * 3, inward=False)
+    scene.add(shell, matte(0.0, RADIANCE, double_sided=True))
+    baked = bake(scene, density=8, quality="draft")
+    own = baked.luxels.emission.sum(1) == 0
+    np.testing.assert_allclose(baked.irradiance[own].mean(), np.pi * RADIANCE, rtol=0.03)
+
+
+@pytest.mark.parametrize(("cutoff", "density"), [(0.5, 5), (0.1, 5), (0.1, 40)])
+def test_holes_are_those_that_are_drawn(cutoff, density):
+    """Dots of one texel that is to be seen, not smoothed."""
+    image = np.full((64, 64, 4), 255, np.uint8)
+    image[..., 3] = 0
+    image[::2, ::2, 3] = 255
+    scene = Scene()
+    scene.textures.append(Texture(image, filter="nearest"))
+    holes = {"base_color_texture": TextureRef(0), "alpha_mode": "MASK", "alpha_cutoff": cutoff}
+    scene.add(quad(0.4, 0.3), matte(0.0, RADIANCE, emissive_texture=TextureRef(0), **holes))
+    np.testing.assert_allclose(power(find_luxels(unwrap(scene, density))), np.pi * RADIANCE * 0.12 / 4, rtol=0.03)
+
+
+@pytest.mark.parametrize("place", [18, 21, 24])
+def test_a_lamp_that_is_hardly_there(place):
+    """One texel of 2048 x 2048 is left of a ball, beside a lamp that is looked up at far more places."""
+    image = np.full((2048, 2048, 4), 255, np.uint8)
+    image[..., 3] = 0
+    image[1000, 40 * place, 3] = 255
+    scene, beside = Scene(), np.eye(4)
+    scene.textures.append(Texture(image))
+    scene.add(sphere(0.05, 24), matte(0.0, RADIANCE, double_sided=True, base_color_texture=TextureRef(0), alpha_mode="MASK", alpha_cutoff=0.5))
+    beside[:3, 3] = (0.5, 0.5, 0.5)
+    baked = bake(room(quad(1, 1), glowing(scene, stripe(0, 64)), scene, beside), density=8, quality="draft")
+    np.testing.assert_allclose(received(baked), np.pi * RADIANCE, rtol=0.02)

@@ -13,9 +13,9 @@ import numpy as np
 from luxel.arrays import Array
 from luxel.radiosity.element import AREA, GX, GZ, LIFT, NX, NZ, PX, PZ, UX, UZ, VX, VZ, find_free, turned
 from luxel.radiosity.facets import Facets, facets_of, without
-from luxel.radiosity.inside import MOST_BACKS, enclosed, free_places, seen_backs
+from luxel.radiosity.inside import MOST_BACKS, free_places, look_out, seen_backs
 from luxel.radiosity.labour import Labour
-from luxel.radiosity.luxels import Luxels
+from luxel.radiosity.luxels import Luxels, part_of
 from luxel.radiosity.nearest import backed, covered
 from luxel.radiosity.occlusion import Masks, Occlusion, prepare
 from luxel.radiosity.patches import build_tree, connected
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from luxel.radiosity.unwrap import Atlas
 
 _NEAR = 2e-5  # of the scene's diagonal
+_LOOKS, _LOOKS_EACH, _CLOSED = 1 << 15, (24, 1024), 1e-4  # rays from a side of all lamps, and of each element; a lamp is closed if so few leave it
 
 
 def frames_of_texels(atlas: Atlas, geometry: Geometry, luxels: Luxels) -> tuple[Array, Array]:
@@ -140,9 +141,10 @@ def cut(luxels: Luxels, sides: tuple[Array, Array], geometry: Geometry, charts: 
         found = facets_of(luxels, chosen, geometry, charts, glowing, quality.light_points, labour.threads)
         return _outside(found, luxels.two_sided[chosen], two_sided, 2.0 * diagonal, rays, labour)
 
-    def lost(backs: Array, whose: Array) -> Array:
+    def lost(sides: Array, whose: Array, behind: Array) -> Array:
         shell = two_sided & np.isin(charts, luxels.chart[whose])
-        return labour.each(len(whose), lambda some: _lost(backs[:, some], luxels.chart[whose[some]], shell, charts, diagonal, rays, labour.threads))
+        lamp = 2 * part_of(geometry, luxels.triangle[whose]) + behind
+        return _lost(sides, lamp, behind, shell, diagonal, rays, labour)
 
     lights, points = light_source(luxels, luxel, len(fronts), numbers, facets, lost, rays, quality, labour)
     exitance = luxels.emission[points.luxel] * points.share
@@ -160,18 +162,34 @@ def _free(rays: Occlusion, charts: Array, chart: Array, numbers: Array, threads:
     return numbers
 
 
-def _lost(numbers: Array, chart: Array, shell: Array, charts: Array, diagonal: float, rays: Occlusion, threads: int) -> Array:
-    """(k,) bool: which backs of lamps shine on nothing but what lies on them, or the inside of the lamp: on nobody who has a lightmap.
+def _lost(numbers: Array, lamp: Array, behind: Array, shell: Array, diagonal: float, rays: Occlusion, labour: Labour) -> Array:
+    """(k,) bool: which sides of two-sided lamps shine on nothing but what lies on them, or the inside of the lamp: on nobody who has a lightmap.
 
     Args:
-        numbers: (17, k) float32; `chart` (k,) int32 of each.
-        shell: (m,) bool: two-sided triangles that glow; `charts` (m,) int32.
+        numbers: (17, k) float32, of the sides.
+        lamp: (k,) int64: which are one side of one lamp; if all of these see hardly anything but their lamp's inside, it is closed.
+        behind: (k,) bool: it is the back; what is in the same place lies on this.
+        shell: (m,) bool: two-sided triangles that glow.
         diagonal: Of the scene, metres.
     """
-    place, normal = (np.ascontiguousarray(numbers[row : row + 3].T) for row in (PX, GX))
-    above = np.maximum(LIFT * np.sqrt(numbers[AREA].astype(np.float64)), 2 * _NEAR * diagonal)
-    hidden = covered(rays, charts, np.ascontiguousarray(chart), place, normal, _NEAR * diagonal, above, threads)
-    return hidden | enclosed(rays, shell, place, normal, 2.0 * diagonal, threads)
+    looks = int(np.clip(_LOOKS // len(lamp), *_LOOKS_EACH))
+
+    def out(which: Array, side: bool, some: Any) -> Array:
+        place, normal = (np.ascontiguousarray(numbers[row : row + 3, which[some]].T) for row in (PX, GX))
+        return look_out(rays, shell, place, normal, side, looks, 2.0 * diagonal, labour.threads)
+
+    def covers(some: Any) -> Array:
+        place, normal = (np.ascontiguousarray(numbers[row : row + 3, some].T) for row in (PX, GX))
+        above = np.maximum(LIFT * np.sqrt(numbers[AREA, some].astype(np.float64)), 2 * _NEAR * diagonal)
+        return covered(rays, ~shell, place, normal, behind[some], above, labour.threads)
+
+    seen = np.zeros(len(lamp), np.int64)
+    for side in (False, True):
+        which = np.flatnonzero(behind == side)
+        if len(which):
+            seen[which] = labour.each(len(which), partial(out, which, side))
+    closed = np.bincount(lamp, seen) <= _CLOSED * looks * np.bincount(lamp)
+    return labour.each(len(lamp), covers) | closed[lamp]
 
 
 def _outside(facets: Facets, sided: Array, two_sided: Array, reach: float, rays: Occlusion, labour: Labour) -> Facets:

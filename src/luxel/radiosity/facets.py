@@ -74,6 +74,9 @@ def facets_of(luxels: Luxels, chosen: Array, geometry: Geometry, charts: Array, 
     if table is not None:
         emission, area = emission_of(pieces, luxels, chosen, geometry, table, threads)
         emission, pieces = emission[area > 0], pieces._replace(area=area).only(area > 0)
+        bent = np.bincount(pieces.luxel, minlength=len(chosen)) > 0
+        if not bent.any():
+            return none
     most = int(np.clip(_POINTS * points // np.count_nonzero(bent), _FEWEST, _MOST))
     count = np.bincount(pieces.luxel, minlength=len(chosen))
     facet, found = np.empty(len(pieces.luxel), np.int64), np.empty(len(chosen), np.int64)

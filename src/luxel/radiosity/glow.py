@@ -38,9 +38,11 @@ def glowing_table(scene: Scene) -> MaterialTable | None:
     bare = [_bare(material) for material in scene.materials]
     if not any(material.emissive_texture or material.alpha_mode == "MASK" for material in bare):
         return None
-    used = {ref.texture for material in bare for ref in (material.emissive_texture, material.base_color_texture) if ref}
+    masks = {material.base_color_texture.texture for material in bare if material.base_color_texture}
+    emissive = {material.emissive_texture.texture for material in bare if material.emissive_texture}
     blank = Texture(np.zeros((1, 1, 4), np.uint8))
-    textures = [_smooth(texture) if number in used else blank for number, texture in enumerate(scene.textures)]
+    kept = {number: scene.textures[number] for number in masks} | {number: _smooth(scene.textures[number]) for number in emissive - masks}
+    textures = [kept.get(number, blank) for number in range(len(scene.textures))]
     return pack_materials(replace(scene, materials=bare, textures=textures))
 
 

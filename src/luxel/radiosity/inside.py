@@ -27,7 +27,7 @@ _AT_ONCE = 1 << 14  # luxels, where it is
 
 
 @jit.parallel_kernel
-def _look(queue, scene, position, frames, directions, two_sided, reach, backs, outdoors):
+def _look(queue, scene, position, frames, directions, two_sided, side, reach, backs, outdoors):
     own_c, own_stack = np.zeros(packet.SCRATCH, np.float32), np.zeros(packet.STACK, np.int32)
     c, stack, scene, position = jit.borrow(own_c), jit.borrow(own_stack), jit.borrow(scene), jit.borrow(position)
     directions, frames, backs, outdoors = jit.borrow(directions), jit.borrow(frames), jit.borrow(backs), jit.borrow(outdoors)
@@ -44,18 +44,19 @@ def _look(queue, scene, position, frames, directions, two_sided, reach, backs, o
             packet.meet_all(scene, c, stack)
             for r in range(np.uint64(min(WIDTH, count - first))):
                 item = float_bits(c[FOUND + r])
-                backs[first + np.int64(r)] += item >= 0 and c[SLOPE + r] > np.float32(0.0) and not two_sided[scene.triangle[item]]
+                backs[first + np.int64(r)] += item >= 0 and side * c[SLOPE + r] > np.float32(0.0) and not two_sided[scene.triangle[item]]
                 outdoors[first + np.int64(r)] |= item < 0
         chunk = jit.take(queue)
     own_c[0] = own_stack[0]  # they live until here
 
 
-def _backs(scene: Occlusion, two_sided: Array, position: Array, normal: Array, directions: Array, reach: float,
-           threads: int) -> tuple[Array, Array]:  # fmt: skip
-    """(n,) int32: how many of the directions (k, 3), in frames of n points, show the back of a one-sided triangle, and (n,) bool: whether any shows
-    nothing; neighbours among points are best together. The others as in `seen_backs`."""
+def _backs(scene: Occlusion, two_sided: Array, position: Array, normal: Array, directions: Array, reach: float, threads: int,
+           side: float = 1.0) -> tuple[Array, Array]:  # fmt: skip
+    """(n,) int32: how many of the directions (k, 3), in frames of n points, show the back of a one-sided triangle, or its front if `side` is -1, and
+    (n,) bool: whether any shows nothing; neighbours among points are best together. The others as in `seen_backs`."""
     backs, outdoors = np.zeros(len(position), np.int32), np.zeros(len(position), np.bool_)
-    jit.run(_look, threads, scene, position, frames_of(normal), directions.astype(np.float32), two_sided, np.float32(reach), backs, outdoors)
+    given = position, frames_of(normal), directions.astype(np.float32), two_sided, np.float32(side), np.float32(reach)
+    jit.run(_look, threads, scene, *given, backs, outdoors)
     return backs, outdoors
 
 
@@ -81,9 +82,14 @@ def seen_backs(scene: Occlusion, two_sided: Array, position: Array, normal: Arra
     return share
 
 
-def enclosed(scene: Occlusion, shell: Array, position: Array, normal: Array, reach: float, threads: int) -> Array:
-    """(n,) bool: which points see nothing but backs of the triangles `shell`, (m,) bool; the others are as in `seen_backs`."""
-    return _backs(scene, ~shell, position, normal, cosine_directions(_ALL), reach, threads)[0] == _ALL
+def look_out(scene: Occlusion, shell: Array, position: Array, normal: Array, behind: bool, rays: int, reach: float, threads: int) -> Array:
+    """(n,) int32: by how many of so many rays each point sees anything but the shell from inside.
+
+    Args:
+        shell: (m,) bool: two-sided triangles; of these the points are backs, if they are `behind`, and else fronts.
+        The others: as in `seen_backs`.
+    """
+    return rays - _backs(scene, ~shell, position, normal, cosine_directions(rays), reach, threads, 1.0 if behind else -1.0)[0]
 
 
 def free_places(scene: Occlusion, two_sided: Array, position: Array, normal: Array, u: Array, v: Array, reach: float,

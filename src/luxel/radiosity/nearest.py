@@ -70,8 +70,8 @@ def nearest(scene, ox, oy, oz, dx, dy, dz):
 
 
 @jit.part
-def _meets_other(scene, charts, own, ox, oy, oz, dx, dy, dz):
-    """Whether the segment from o by d meets a triangle of another chart than `own`, even one in the same place as one of its own."""
+def _meets_any(scene, chosen, ox, oy, oz, dx, dy, dz):
+    """Whether the segment from o by d meets a chosen triangle, even one in the same place as another."""
     ix, iy, iz = 1.0 / dx, 1.0 / dy, 1.0 / dz
     box, link, epsilon = scene.box, scene.link, scene.epsilon[0]
     node, nodes = np.uint64(0), np.uint64(len(link))
@@ -86,38 +86,36 @@ def _meets_other(scene, charts, own, ox, oy, oz, dx, dy, dz):
             continue
         leaf = link[node, 1]
         for item in range(leaf >> 3, (leaf >> 3) + (leaf & 7)):
-            if charts[scene.triangle[item]] != own and _meets(scene.corners[item], ox, oy, oz, dx, dy, dz, epsilon)[0] < 1.0:
+            if chosen[scene.triangle[item]] and _meets(scene.corners[item], ox, oy, oz, dx, dy, dz, epsilon)[0] < 1.0:
                 return True
         node += np.uint64(1)
     return False
 
 
 @jit.parallel_kernel
-def _find_covered(queue, scene, charts, chart, position, normal, below, above, result):
-    scene, charts, chart, position, normal = jit.borrow(scene), jit.borrow(charts), jit.borrow(chart), jit.borrow(position), jit.borrow(normal)
+def _find_covered(queue, scene, chosen, position, normal, below, above, result):
+    scene, chosen, position, normal = jit.borrow(scene), jit.borrow(chosen), jit.borrow(position), jit.borrow(normal)
     chunk = jit.take(queue)
     while chunk * _CHUNK < len(position):
         for i in range(chunk * _CHUNK, min(len(position), (chunk + 1) * _CHUNK)):
             x, y, z = np.float64(position[i, 0]), np.float64(position[i, 1]), np.float64(position[i, 2])
             nx, ny, nz = np.float64(normal[i, 0]), np.float64(normal[i, 1]), np.float64(normal[i, 2])
-            way = below + above[i]
-            ox, oy, oz = x - below * nx, y - below * ny, z - below * nz
-            result[i] = _meets_other(scene, charts, chart[i], ox, oy, oz, way * nx, way * ny, way * nz)
+            down, way = below[i], below[i] + above[i]
+            result[i] = _meets_any(scene, chosen, x - down * nx, y - down * ny, z - down * nz, way * nx, way * ny, way * nz)
         chunk = jit.take(queue)
 
 
-def covered(scene: Occlusion, charts: Array, chart: Array, position: Array, normal: Array, below: float, above: Array, threads: int) -> Array:
-    """(n,) bool: which points have a surface of another chart right above them, or in their own place.
+def covered(scene: Occlusion, chosen: Array, position: Array, normal: Array, in_place: Array, above: Array, threads: int) -> Array:
+    """(n,) bool: which points have a chosen triangle right above them; holes of masks cover, too.
 
     Args:
-        charts: (m,) int32, of each triangle.
-        chart: (n,) int32, of each point.
+        chosen: (m,) bool.
         position, normal: (n, 3) float32: points, and the unit normals of their surface.
-        below: Metres: what is so little below the surface is in its place.
+        in_place: (n,) bool: a triangle in the point's own place covers it.
         above: (n,) float64, metres: what is so near above it lies on it.
     """
     result = np.zeros(len(position), np.bool_)
-    jit.run(_find_covered, threads, scene, charts, chart, position, normal, below, above, result)
+    jit.run(_find_covered, threads, scene, chosen, position, normal, _BEHIND * scene.epsilon[0] * in_place, above, result)
     return result
 
 

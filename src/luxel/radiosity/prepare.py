@@ -39,8 +39,8 @@ _FEW_VALID = 0.5
 _FINEST = 0.02
 """Of a luxel's side: what positions may be rounded by."""
 
-_MANY_LIGHTS = 10
-"""Times the points from which lights are to shoot: more are worth a word."""
+_MANY_LIGHTS = 40
+"""Times the points from which lights are to shoot: more are worth a word. A ball may need some twenty times as many, as it bends."""
 
 _LAYING = "laying out the lightmap"
 

@@ -34,15 +34,17 @@ class Points(NamedTuple):
     share: Array
 
 
-def light_source(luxels: Luxels, luxel: Array, fronts: int, numbers: Array, facets: Callable[[Array], Facets], lost: Callable[[Array, Array], Array],
-                 rays: Occlusion, quality: Quality, labour: Labour) -> tuple[Source | None, Points]:  # fmt: skip
+def light_source(luxels: Luxels, luxel: Array, fronts: int, numbers: Array, facets: Callable[[Array], Facets],
+                 lost: Callable[[Array, Array, Array], Array], rays: Occlusion, quality: Quality,
+                 labour: Labour) -> tuple[Source | None, Points]:  # fmt: skip
     """What shines of a scene's elements, as a source, and the points of this; None and no points if it is dark.
 
     Args:
         luxel: (e,) int32, of each element: so many `fronts`, and backs of two-sided luxels.
         numbers: (17, e) float32, of the elements.
         facets: Of some luxels, (k,) int32, ascending.
-        lost: From numbers (17, k) of backs and the luxel of each (k,) to (k,) bool: whose light nobody gets who has a lightmap.
+        lost: From numbers (17, k) of sides of two-sided luxels, the luxel of each (k,), and which are backs (k,) bool, to (k,) bool: whose light
+            nobody gets who has a lightmap.
         rays: All that hides.
     """
     nothing = None, Points(np.zeros(0, np.int32), np.zeros((0, 3), np.float32))
@@ -56,14 +58,15 @@ def light_source(luxels: Luxels, luxel: Array, fronts: int, numbers: Array, face
     both = np.append(np.arange(len(made.luxel)), sided)  # facets, and those with a back once more
     whose, share = np.append(luxel[flat], glowing[made.luxel[both]]), np.concatenate([np.ones((len(flat), 3), np.float32), made.share[both]])
     lamps = np.concatenate([numbers[:, flat], made.numbers, turned(made.numbers[:, sided])], 1)
-    back = np.flatnonzero(np.append(flat >= fronts, np.arange(len(both)) >= len(made.luxel)))
-    kept = np.delete(np.arange(len(whose)), back[lost(lamps[:, back], whose[back])] if len(back) else back)
+    behind = np.append(flat >= fronts, np.arange(len(both)) >= len(made.luxel))
+    sides = np.flatnonzero(luxels.two_sided[whose])
+    kept = np.delete(np.arange(len(whose)), sides[lost(lamps[:, sides], whose[sides], behind[sides])] if len(sides) else sides)
     if not len(kept):
         return nothing
     lamps, whose, share, flats = lamps[:, kept], whose[kept], share[kept], int(np.count_nonzero(kept < len(flat)))
-    sides = max(1.0, float(lamps[AREA].sum(dtype=np.float64) / luxels.area[glowing].sum(dtype=np.float64)))
+    twice = max(1.0, float(lamps[AREA].sum(dtype=np.float64) / luxels.area[glowing].sum(dtype=np.float64)))
     kinds = lamps[:, :flats], lamps[:, flats:]
-    source, origin = shining_source(kinds, int(sides * quality.light_points), quality.light_resolution, rays, labour)
+    source, origin = shining_source(kinds, int(twice * quality.light_points), quality.light_resolution, rays, labour)
     return source, Points(whose[origin], share[origin])
 
 
