@@ -400,3 +400,15 @@ def test_the_end_of_the_other_process_is_told():
     corners, faces = np.zeros((3, 3), np.float32), np.array([[0, 1, 7]], np.uint32)
     with pytest.raises(luxel.LuxelError, match=r"xatlas, which makes lightmap coordinates, ended with 1: .*[Oo]ut of range"):
         packing.pack([packing.Sheet(corners, faces, corners)], packing.Wishes(64, 1, 100.0, 1.0))
+
+
+def test_an_atlas_that_is_given_is_used(monkeypatch):
+    """An empty one counts as false; another would be taken down when it is done with, for which xatlas may wait for ever."""
+    xatlas, made = pytest.importorskip("xatlas"), []
+    given = xatlas.Atlas()
+    monkeypatch.setattr(xatlas, "Atlas", lambda: made.append(1))
+    corners = np.array([[0, 0, 0], [8, 0, 0], [0, 8, 0]], np.float32)
+    sheet = packing.Sheet(corners, np.array([[0, 1, 2]], np.uint32), np.tile(np.float32([0, 0, 1]), (3, 1)))
+    flat = packing._pack([sheet], packing.Wishes(64, 2, 4096.0, 0.5), given)
+    assert not made
+    assert len(given) == len(flat) == 1

@@ -94,7 +94,8 @@ def _pack(sheets: list[Sheet], wishes: Wishes, atlas: Any = None) -> list[Flat]:
     """What `atlas`, or a new one, makes of the sheets."""
     import xatlas
 
-    atlas, options, packing = atlas or xatlas.Atlas(), xatlas.ChartOptions(), xatlas.PackOptions()
+    atlas = xatlas.Atlas() if atlas is None else atlas  # an empty one counts as false
+    options, packing = xatlas.ChartOptions(), xatlas.PackOptions()
     for sheet in sheets:
         atlas.add_mesh(*sheet)
     options.max_chart_area, options.max_cost = wishes.largest, wishes.cost
